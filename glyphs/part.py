@@ -94,13 +94,12 @@ class Part:
     ) -> Photo:
         """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt.
 
+        Raises MapError: an invalid light, pixel or picture.
+
         Args:
             pixel_mm: size of a pixel on the part, unless a camera is set.
             lights: number of photographs, with the lamp at even angles all round; those after the first become the
                 `others` of the first.
-
-        Raises:
-            MapError: an invalid light, pixel or picture.
         """
         rng = self._rng(_PHOTO_STREAM)
         drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)

@@ -112,9 +112,8 @@ def winding_number(
 ) -> NDArray[np.int32]:
     """Winding number of closed polygons, given as directed segments (m, 4), about every point (rows, columns).
 
-    Returns:
-        (rows, columns) int32. Upward edges count when the point lies strictly to their left, downward edges when it
-        lies strictly to their right (D. Sunday's rule), so a horizontal edge never counts twice.
+    Returns (rows, columns) int32. Upward edges count when the point lies strictly to their left, downward edges when it
+    lies strictly to their right (D. Sunday's rule), so a horizontal edge never counts twice.
     """
     out = np.zeros(x.shape, np.int32)
     if x.size:

@@ -29,8 +29,7 @@ _PIXELS = 80
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
     """Make a dotted font with capitals, digits and the characters of a text; each dot is a stroke of one point.
 
-    Raises:
-        FontError: the font lacks a character.
+    Raises FontError: the font lacks a character.
     """
     kind, chars = rng.random(), sorted({*text, *SERIAL_CHARACTERS})
     if kind < 0.4 and all(char in _MATRIX or char == " " for char in text):

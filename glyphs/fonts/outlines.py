@@ -34,8 +34,7 @@ _ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
 def load_font(name_or_path: str | Path) -> Font:
     """Load a font by its built-in name, or from a TTF, OTF or TTC (its first face) file; cached.
 
-    Raises:
-        FontError: unknown name, missing or damaged file, or a file without any of A-Z and 0-9.
+    Raises FontError: unknown name, missing or damaged file, or a file without any of A-Z and 0-9.
     """
     name = str(name_or_path)
     if name in BUILTIN_FONTS:

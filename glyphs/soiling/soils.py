@@ -27,7 +27,7 @@ class SoilModel(Protocol):
     """
 
     def __call__(self, coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-        ...
+        """Soil a surface; `amount` is 0 to 1."""
 
 
 SOILS: Final[dict[str, str]] = {

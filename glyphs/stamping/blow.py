@@ -41,7 +41,7 @@ class Blow(OneLine):
 def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw how a hand leans, degrees, and how far its baseline has shifted, heights: (count, 2).
 
-    It leans in one direction all along a part (standard deviation 25 degrees). A separate stream leaves `rng` unchanged.
+    It leans in one direction all along a part (sd 25 degrees). A separate stream leaves `rng` unchanged.
     """
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
         return np.zeros((count, 2))

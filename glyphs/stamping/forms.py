@@ -64,8 +64,7 @@ class PlateForm(OneLine):
 def seen_mm(skin_mm: float, radius_mm: float) -> float:
     """Half width, seen from above, of a plate whose half width along the skin is `skin_mm`.
 
-    Raises:
-        StampError: the plate would reach too far around its cylinder.
+    Raises StampError: the plate would reach too far around its cylinder.
     """
     if math.isinf(radius_mm):
         return skin_mm

@@ -44,8 +44,7 @@ class Layout(OneLine, Validated, error=StampError):
     def place(self, along_mm: float, up_mm: float, *, length_mm: float) -> tuple[float, float, float]:
         """(x, y, turn) of a point of a line `length_mm` long: x right and y up, mm, turn clockwise, degrees.
 
-        Raises:
-            StampError: a line too long for the arc.
+        Raises StampError: a line too long for the arc.
         """
         if math.isinf(self.radius_mm):
             return along_mm, up_mm, 0.0

@@ -41,6 +41,7 @@ class WordedEnum(StrEnum):
     message: str
 
     def __new__(cls, value: str, message: str = "") -> Self:
+        """Make a member; look-up uses the value only."""
         made = str.__new__(cls, value)
         made._value_, made.message = value, message
         return made

@@ -45,15 +45,10 @@ LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
 
 @dataclass(frozen=True)
 class ArrayRequest(Validated, error=DesignError):
-    """Use of an array: characters, accuracy and dirt.
+    """Use of an array: characters, accuracy and dirt of a measured severity.
 
-    Attributes:
-        severity: severity of the dirt; it must be one of those measured.
-        length_mm: length of the line; default: that of eight characters.
-        speed_error: largest error of the edge map that speed may cause, 0.01 to 0.1.
-
-    Raises:
-        DesignError: a number out of range.
+    length_mm: length of the line; default: that of eight characters.
+    speed_error: largest error of the edge map that speed may cause, 0.01 to 0.1.
     """
 
     character_height_mm: Positive
@@ -160,14 +155,7 @@ def design_arrays(
     sizes: Sequence[int] = ARRAY_SIZES,
     counts: Sequence[PlanCounts] | None = None,
 ) -> tuple[ArrayChoice, ...]:
-    """Find the quickest array and plan for each number of whiskers.
-
-    Args:
-        counts: measured accuracy of plans; default: those of the package.
-
-    Raises:
-        DesignError: no measured plan is accurate enough, or none was measured at this severity.
-    """
+    """Find the quickest array and plan for each number of whiskers. Raises DesignError if none is accurate enough."""
     known = tuple(counts) if counts is not None else measured_plans()
     there = [c for c in known if math.isclose(c.severity, request.severity)]
     if not there:

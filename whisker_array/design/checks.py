@@ -90,13 +90,7 @@ def edge_steps(
     From m / m_land = (1 + h/d0) F: at the top lip, h = 0, the signal steps by F - 1; at the bottom lip, h = -depth, by
     (F - 1)(1 - depth/d0).
 
-    Args:
-        preload_mm: d0.
-        alpha_rad: (n,) intersection angles; positive falls.
-        mu: (m,) frictions.
-
-    Returns:
-        Absolute steps (2, n, m) at the top and bottom lip, and F (n, m); NaN where the whisker jams.
+    Returns the absolute steps (2, n, m) at both lips, and F (n, m), for n angles and m frictions; NaN where it jams.
     """
     tip = _tip(whisker)
     slope = -np.tan(alpha_rad)
@@ -146,7 +140,6 @@ def sideways_slide_mm(whisker: LShaped, *, preload_mm: float, wall_rad: float) -
 
 @functools.lru_cache(maxsize=4096)
 def _frequency_number(k: float, beta_rad: float, aspect: float, material: Material) -> float:
-    """First frequency times l1^2 over thickness, mm/s, which depends on shape only; aspect 0: round wire."""
     section = Rectangle(1.0, aspect) if aspect else Round(1.0)
     model = LShaped(100.0, 100.0 * k, None, beta_rad, section, material)
     return 1e4 * first_bending_frequency_hz(model, tip_held=True, parts=_FREQUENCY_PARTS)
@@ -190,11 +183,7 @@ def check(
     All bounds are monotone in slope and friction, so it is enough to check the corners of the ranges (eq. (16) is a
     linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, but not in friction.
 
-    Args:
-        preload_mm: d0.
-        linear_error: error of the linear beam relative to the elastica; default: its first order times `error_scale`.
-        error_scale: see `linear_error`.
-        n_alpha: number of slopes at which the contrast is computed; 1: only the gentlest.
+    `linear_error` is by default its first order times `error_scale`; `n_alpha` 1 is the gentlest slope only.
     """
     low, high = request.alpha_rad
     mus = np.array(request.mu)
@@ -255,5 +244,4 @@ def check(
 
 
 def _finite(values: Values) -> Values:
-    """Replace jammed corners by a very large number, so that a search can move away from them."""
     return np.where(np.isfinite(values), np.minimum(np.nan_to_num(values, nan=1e6), 1e6), 1e6)

@@ -88,8 +88,6 @@ class Design(OneLine):
     """A whisker, its use, and its distance from every limit.
 
     Attributes:
-        request: the request; tip radius, lines and samples follow from it.
-        preload_mm: d0.
         worst: the edge with the least contrast by (16).
         contrast_exact: the contrast of that edge with F by the elastica; NaN where it has no solution.
         factor_range: least and greatest F over all walls and frictions of the request.
@@ -122,11 +120,7 @@ class Design(OneLine):
 
 
 def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tuple[Worst, tuple[float, float]]:
-    """Find the edge with the least contrast on a fine grid of slopes and frictions, and the range of F.
-
-    Raises:
-        DesignError: the whisker jams on one of these walls.
-    """
+    """Find the edge with the least contrast on a fine grid of slopes and frictions, and the range of F."""
     slopes = np.linspace(*request.alpha_rad, _FINE)
     alpha, mu = np.concatenate([slopes, -slopes]), np.linspace(*request.mu, _FINE)
     steps, factor = edge_steps(
@@ -154,11 +148,7 @@ def design_whisker(
     section: Literal["auto", "ribbon", "round"] = "auto",
     seed: int = SEED,
 ) -> Design:
-    """Design the whisker with the largest worst-case edge contrast; see the module's docstring.
-
-    Raises:
-        NoWhiskerError: no whisker keeps all limits.
-    """
+    """Design the whisker with the largest worst-case edge contrast (see the module). Raises NoWhiskerError."""
     limits = limits or Limits()
     kinds: tuple[SectionKind, ...] = ("ribbon", "round") if section == "auto" else (section,)
     least, allowed = _least_round_slide_mm(request), limits.slide_lines * request.line_pitch_mm
@@ -220,11 +210,7 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
 
 
 def describe_design(whisker: LShaped, request: Request, *, limits: Limits, preload_mm: float) -> Design:
-    """Describe a whisker in one use, even if it violates limits.
-
-    Raises:
-        DesignError: the whisker jams on a wall of the request.
-    """
+    """Describe a whisker in one use, even if it violates limits. Raises DesignError if it jams."""
     worst, factor_range = worst_edge(whisker, request, preload_mm=preload_mm)
     error = land_linear_error(whisker, request, preload_mm=preload_mm)
     checked = check(whisker, request, limits, preload_mm=preload_mm, linear_error=error)

@@ -64,11 +64,7 @@ class Request(OneLine, Validated, error=DesignError):
 
     Attributes:
         alpha_rad: gentlest and steepest wall, rad; walls fall and rise.
-        character_height_mm: character height, which sets lines, samples and the room for a whisker.
         speed_mm_s: required scan speed; default: see `least_speed_mm_s`.
-
-    Raises:
-        DesignError: a number out of range.
     """
 
     alpha_rad: tuple[float, float]
@@ -132,14 +128,9 @@ class Limits(OneLine):
     """Limits of manufacture and use; see the module's docstring.
 
     Attributes:
-        aspect: least and greatest width over thickness of a ribbon.
         width_heights: widest ribbon in character heights; whiskers are a height apart, or in staggered rows.
-        k: least and greatest l2 / l1.
         lift_share: least e_y.D11 (n - mu t) on a wall over its land value; the contact solver reports a jam at a
             tenth (`contact_kernel.JAM_FORCE`).
-        safety: yield stress over the greatest stress allowed.
-        force_n: greatest normal force, against wear and scratches.
-        linear_error: greatest error of the linear beam in force or moment on the land.
         clearance_depths: least room between the land and the clamp or elbow, in depths of the marks.
         axis_raise: greatest height of the sensor's axis above the clamp, in l1; 0: it is only lowered, as in the paper.
         axis_clearance_mm: least height of the sensor's axis above the land: room for a foil gauge on its carrier, with

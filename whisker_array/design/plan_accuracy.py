@@ -17,12 +17,7 @@ MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
 
 @dataclass(frozen=True, repr=False)
 class PlanCounts(OneLine):
-    """Counts of parts and characters read by one plan under one severity of dirt.
-
-    Attributes:
-        directions: directions of the traces, degrees.
-        severity: severity of the dirt, 0 to 1.
-    """
+    """Counts of parts and characters read by one plan, with traces in some directions, under one severity of dirt."""
 
     lines: int
     directions: tuple[int, ...]

@@ -42,7 +42,6 @@ class Candidate(OneLine):
     """A whisker in use, as evaluated by the search.
 
     Attributes:
-        preload_mm: d0.
         worth: smallest entry of the objective; -1 where the whisker jams.
         reserve: least reserve of all constraints; negative where one is violated.
     """
@@ -58,7 +57,6 @@ class Problem(OneLine):
     """A search: use, limits, kind of section and objective.
 
     Attributes:
-        error_scale: error of the linear beam over its first order, see `checks.check`.
         objective: quantity to maximise; the worst-case contrast if None.
         axis_lean_rad: lean of the force under which the moment vanishes (see `tuned`); it fixes the height of the
             axis.
@@ -161,7 +159,6 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
 
     @cache
     def values_at(x: bytes) -> tuple[Values, int]:
-        """Values that must be at least tau, then those that must be at least 0; and the number of the former."""
         worth, checked = problem.evaluate(*problem.decode(np.frombuffer(x)))
         reserve = np.concatenate(list(checked.reserve().values())) - LIMIT_MARGIN
         return (reserve, reserve.size) if only_reserve else (np.concatenate([worth, reserve]), worth.size)

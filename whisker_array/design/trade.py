@@ -22,12 +22,7 @@ SPEED_FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 @dataclass(frozen=True, repr=False)
 class TradeOff(OneLine):
-    """Contrast as a function of one limit; the whisker is designed anew for each value.
-
-    Attributes:
-        unit: unit of `allowed`.
-        contrast: worst-case contrast at each value; None where no whisker is possible.
-    """
+    """Contrast as a function of one limit, None where no whisker is possible; designed anew for each value."""
 
     name: str
     unit: str

@@ -125,12 +125,10 @@ def tune(
     Args:
         request: as in a design; a null must not jam on its walls, a threshold may jam on walls steeper than
             alpha_rad.
-        limits: limits to keep; a null may have its axis up to AXIS_RAISE above the clamp.
         kind: null or threshold; default: a null if the request has steeper walls, otherwise the more selective
             kind.
 
-    Raises:
-        DesignError: an inclination out of range, or no whisker within the limits.
+    Raises DesignError.
     """
     if not NEIGHBOUR_RAD < alpha_rad <= STEEPEST_RAD:
         raise DesignError(

@@ -30,14 +30,7 @@ def fill_from_crossing(
     touch: Touch,
     pitch_mm: float,
 ) -> tuple[list[Layer], list[Mask]]:
-    """Fill unknown samples of one pair of directions from the pair that crosses it.
-
-    A sample stays unknown where the other pair is unknown or missing.
-
-    Args:
-        layers: (rows, cols) enhancement of each direction.
-        known: (rows, cols) whether each sample is known.
-    """
+    """Fill unknown samples (rows, cols) of one pair of directions from the pair that crosses it, where known."""
     layers, known = list(layers), list(known)
     layer_of = {direction: k for k, direction in enumerate(directions)}
     measured = [layer.copy() for layer in known]
@@ -64,7 +57,6 @@ def fill_from_crossing(
 def _height_mm(
     layers: list[Layer], directions: tuple[TraceDirection, ...], sure: Mask, touch: Touch, pitch_mm: float
 ) -> Layer:
-    """Height from the crossing passes, NaN where they are unknown."""
     edges = EdgeMap(
         enhancement=np.stack([np.where(sure, layer, 0.0) for layer in layers]).astype(np.float32),
         directions=directions,
@@ -75,7 +67,6 @@ def _height_mm(
 
 
 def _expected_factor(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:
-    """Enhancement of a pass over this height and slope: eq. (16), at the nominal friction."""
     lift = 1.0 + height_mm / touch.preload_mm
     if is_profiler(touch.tip):
         return lift - 1.0

@@ -50,7 +50,6 @@ def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
 
 
 def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
-    """Moments (passes, whiskers, samples) with a known gain applied, and the offsets (passes, whiskers) in them."""
     raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
     air = sweep.air_n_mm
     if scan.calibration is not None:
@@ -63,8 +62,7 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in and lead-out.
 
-    Raises:
-        MapError: no usable samples, or no land.
+    Raises MapError: no usable samples, or no land.
     """
     raw, offset = _signal(scan, sweep)
     shape, lead = raw.shape, sweep.plan.n_lead
@@ -108,15 +106,13 @@ def edge_map(
 ) -> EdgeMap:
     """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction.
 
-    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored.
+    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored. Raises MapError: a sweep
+    without usable samples or without land; `within_mm` was not scanned.
 
     Args:
         register: remove play between back-and-forth and crossed passes if the maps show any.
         ideal: use the nominal land moment of the touch, as in a prediction; nothing is estimated.
         within_mm: (x0, y0, x1, y1) of the map, plate frame; the land is estimated from the whole scan.
-
-    Raises:
-        MapError: a sweep without usable samples or without land; `within_mm` was not scanned.
     """
     scan = only(scan)
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]

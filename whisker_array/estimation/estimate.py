@@ -35,7 +35,7 @@ def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
 def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
     """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
 
-    The condition is that G changes by at most the share `tolerance` between theta = 0 and 45 degrees.
+    That is: G changes by at most the share `tolerance` between theta = 0 and 45 degrees.
 
     Straight whiskers are profilers, (17), (18), unless they are so steep that stretch matters or that 45 degrees jam.
     So is an L-shaped whisker whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are
@@ -46,11 +46,7 @@ def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
 
 
 def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
-    """Lift d0 + h of the tip, mm, from a profiler's moment; any shape.
-
-    Raises:
-        WhiskerError: the whisker is not a profiler.
-    """
+    """Lift d0 + h of the tip, mm, from a profiler's moment. Raises WhiskerError for any other whisker."""
     if not is_profiler(tip):
         raise WhiskerError("the whisker is not a profiler: its moment depends on slope and friction too")
     return np.asarray(moment_n_mm, dtype=np.float64) / float(moment_per_lift(0.0, tip))
@@ -59,13 +55,9 @@ def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
 def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
     """theta of the contact force from a differentiator's moment where the lift is known; broadcast shapes.
 
-    m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta).
+    m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta); rad, NaN without a solution.
 
-    Returns:
-        theta, rad; NaN where no theta within +-90 degrees gives that moment.
-
-    Raises:
-        WhiskerError: the whisker is a profiler, whose moment does not depend on the lean.
+    Raises WhiskerError for a profiler, whose moment does not depend on the lean.
     """
     if is_profiler(tip):
         raise WhiskerError(
@@ -86,9 +78,6 @@ def friction_from_shapes(
 
     The ratio changes only by 1.5 k per unit of mu (k = 0.117: 1 % of gain is 0.06 of mu), so the gains must be known
     from a bench, not from land.
-
-    Returns:
-        mu, the broadcast shape; NaN where no friction fits the moments.
     """
     lift = lift_from_profiler(profiler_n_mm, profiler)
     return np.tan(lean_from_moment(differentiator_n_mm, lift, differentiator))
@@ -99,11 +88,7 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
 
     q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu).
 
-    Returns:
-        mu, the broadcast shape; NaN where no friction fits the moments.
-
-    Raises:
-        WhiskerError: the whisker is a profiler, whose moment is the same both ways.
+    NaN where no friction fits. Raises WhiskerError for a profiler, whose moment is the same both ways.
     """
     if is_profiler(tip):
         raise WhiskerError(

@@ -39,7 +39,6 @@ class SweepShares(OneLine):
     Attributes:
         share: (passes, whiskers, samples).
         air: (passes, whiskers, air samples), each pass about its median.
-        across: (passes,) index of each pass in the recording.
     """
 
     plan: SweepPlan
@@ -131,7 +130,7 @@ def _in_runs(values: Floats, run: int) -> Mask:
 def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:
     """Quantile of the known values along the last axis; NaN where fewer than `fewest` are known.
 
-    It equals that of `np.nanquantile`, which is many times slower for many rows.
+    It equals `np.nanquantile`, which is many times slower for many rows.
     """
     if not values.shape[-1]:
         return np.full(values.shape[:-1], np.nan)
@@ -184,12 +183,8 @@ def sharpness(
 
     Lines on both sides of the border between two whiskers cross the same marks; a worn tip does not reach their floors
     and rounds their edges. All borders are reconciled by least squares, like gains.
-
-    Args:
-        line_pitch_mm: line pitch of the grid; lines more than two pitches apart, as in a scan of few passes, cross
+        line_pitch_mm: lines more than two pitches apart, as in a scan of few passes, cross
             different marks and are not compared.
-        least_steps: least root sum of squares of the steps along lines with marks, share of the land.
-        least_depth: least depth of these lines, share of the land; a shallower line misses the strokes.
     """
     n = shares[0].share.shape[1]
     borders: list[tuple[int, int, float]] = []
@@ -272,9 +267,6 @@ def strongest_tone(
 
     Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers keeps
     the common part.
-
-    Args:
-        locked: agreement of phases from pass to pass above which a wave belongs to the plate's surface.
     """
     tones = [Tone()]
     for f in shares:
@@ -318,11 +310,7 @@ def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Fl
 
 
 def spikes(f: SweepShares, *, least: float) -> Mask:
-    """Mask (passes, whiskers, samples) of single samples that stand out from their neighbours and passes beside.
-
-    Args:
-        least: least height of a spike, share of the land.
-    """
+    """Mask (passes, whiskers, samples) of single samples that stand out by `least` (land: 1) from all beside them."""
     from scipy.ndimage import maximum_filter1d
 
     x = f.share
@@ -338,11 +326,7 @@ def spikes(f: SweepShares, *, least: float) -> Mask:
 
 
 def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> int:
-    """Count spikes in lead-ins, lead-outs and in the air, where there are no marks.
-
-    Args:
-        least: see `spikes`.
-    """
+    """Count `spikes` in lead-ins, lead-outs and in the air, where there are no marks."""
     count = sum(int((np.abs(f.air) > least).sum()) for f in shares)
     for f in (f for f in shares if f.plan.n_lead):
         for ahead in (f.share, f.share[..., ::-1]):

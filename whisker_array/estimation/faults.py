@@ -128,32 +128,20 @@ class FaultKind(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class FaultLimits(OneLine):
-    """Limits of sound recordings; they are well above the values of sound sensors, dies, plates and dirt in simulation.
+    """Limits of sound recordings, well above the values of sound sensors, dies, plates and dirt in simulation.
 
-    The limit of a worn tip was set on the recordings on which its false alarms are counted.
+    Noise, steps, tones and spikes are shares of the land's moment, rise and sag of a plate preloads.
 
     Attributes:
         unit: ratio of moments above which the unit is in doubt and not the height of the stage.
         clear: least level of a signal over its noise that shows another unit rather than a broken whisker.
         misfit: least mean squared difference of neighbouring lines, share of the land, with exchanged channels.
         misfit_left: greatest share of it that is left in another order of the channels.
-        dead_level: least share of the land's moment that a working whisker gives.
-        noise_air: noise of a sample with the array lifted, share of the land's moment.
-        loose_step: step of the level from one pass to the next, share of the land's moment.
         times_others: greatest ratio of a whisker's noise and steps to those of the others.
         bent_gain: deviation of a gain from the others': five standard deviations of usual gains.
-        blunt: least depth and sharpness of marks relative to the other whiskers.
+        blunt: least sharpness of marks relative to others'; false alarms were counted on the recordings that set it.
         blunt_spreads: spreads of the others that a worn tip must also be below them, because marks differ.
-        alike: greatest spread of the others on a test piece with grooves across all whiskers.
-        alike_blunt: limit in place of `blunt` on such a test piece.
-        fewest_others: least number of other whiskers for comparing marks.
-        height_margin: margin beyond the effect of friction, share of the land's moment.
-        rise: rise of a tilted plate over its length, preloads.
-        sag: sag of a bowed plate over its length, preloads.
-        tone: amplitude of a vibration, share of the land's moment.
-        tone_ratio: power of a vibration over that of frequencies beside it.
-        spike: height of a spike, share of the land's moment.
-        few_spikes: least number of spikes on bare land and in the air that is reported.
+        alike: greatest spread of the others on a test piece with grooves; there `alike_blunt` stands for `blunt`.
     """
 
     unit: float = 5.0
@@ -183,11 +171,7 @@ class FaultLimits(OneLine):
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault.
-
-    Attributes:
-        whisker: number of the whisker from 0; None for faults of the bench.
-    """
+    """One fault, of a whisker or of the bench."""
 
     kind: FaultKind
     text: str
@@ -203,8 +187,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     """Find faults of signals, whiskers and bench; empty for a sound recording.
 
     Faults of the bench are only sought if all signals are sound. In a mixed array only the first kind of whisker is
-    checked. Wear common to all tips is not found. Gains calibrated on the same land hide faults: in a recording in
-    volts, `calibrate` hides a wrong height and bent whiskers.
+    checked. Wear common to all tips is not found, and `calibrate` hides a wrong height and bent whiskers.
     """
     if (checked := _check_signals(scan, limits)) is None:
         return ()
@@ -267,10 +250,9 @@ class _CheckedSignals:
     """Signals of the first kind of whisker.
 
     Attributes:
-        scan: the first kind of whisker, with clipped samples flagged.
+        shares: all sweeps, NaN where tips run beyond the part.
         shares: shares of all sweeps, NaN where tips run beyond the part.
         level: (whiskers,) level of the land; NaN for a whisker that has too few samples on the part.
-        wrong: (whiskers,) whether a whisker has a fault.
     """
 
     scan: Scan
@@ -368,13 +350,11 @@ def _others(values: Floats) -> Iterator[Floats]:
 
 
 def _above_others(values: Floats, least: float, limits: FaultLimits) -> Floats:
-    """Values above a limit and well above those of the others; NaN elsewhere."""
     usual = np.array([np.median(others) if others.size else np.inf for others in _others(values)])
     return np.where((values > least) & (values > limits.times_others * usual), values, np.nan)
 
 
 def _blunt(cutoff: Floats, limits: FaultLimits) -> Floats:
-    """Relative sharpness of whiskers that are blunter than the others by more than these differ; NaN elsewhere."""
     logs, worn = np.log(cutoff), np.full(cutoff.size, np.nan)
     for w, others in enumerate(_others(logs)):
         if others.size < limits.fewest_others:
@@ -416,11 +396,7 @@ def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, fl
 
 
 def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:
-    """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part; clipped ones as saturated.
-
-    Returns:
-        The scan with the flags, or the scan itself if there is nothing to flag.
-    """
+    """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part; clipped ones as saturated."""
     useless = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.REVERSED, FaultKind.DOUBLED)
     whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})
     spiked: dict[TraceDirection, Mask] = {}

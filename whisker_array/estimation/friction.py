@@ -33,11 +33,7 @@ class FrictionRoute(StrEnum):
 
 @dataclass(frozen=True)
 class LandFriction:
-    """Friction of the land.
-
-    Attributes:
-        sd: standard error, from the spread over whiskers and sweeps.
-    """
+    """Friction of the land; `sd` is its standard error, from the spread over whiskers and sweeps."""
 
     mu: float
     sd: float

@@ -70,13 +70,7 @@ def average_onto(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweptLines(OneLine):
-    """One value for every sample of the lines of a sweep.
-
-    Attributes:
-        values: (lines, samples) float64, NaN where unknown.
-        place_mm: (lines,) plate coordinate across the trace, ascending.
-        along_mm: (samples,) plate coordinate along the trace.
-    """
+    """One value (lines, samples) for every sample of the lines of a sweep, NaN where unknown."""
 
     values: Lines
     place_mm: Lines
@@ -92,12 +86,7 @@ class SweptLines(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlateGrid(OneLine):
-    """Pixel grid of a map.
-
-    Attributes:
-        x_mm: (cols,) plate x.
-        y_mm: (rows,) plate y.
-    """
+    """Pixel grid of a map: x (cols,) and y (rows,)."""
 
     x_mm: Lines
     y_mm: Lines
@@ -115,13 +104,9 @@ def common_grid(
     *,
     within_mm: tuple[float, float, float, float] | None = None,
 ) -> PlateGrid:
-    """Return the grid that all sweeps cover.
+    """Return the grid that all sweeps cover, within (x0, y0, x1, y1).
 
-    Args:
-        within_mm: (x0, y0, x1, y1) to which the grid is limited.
-
-    Raises:
-        MapError: the sweeps do not overlap within these limits.
+    Raises MapError: the sweeps do not overlap within these limits.
     """
     spans_x, spans_y = [], []
     for each in swept:
@@ -149,11 +134,7 @@ def on_grid(
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
 ) -> tuple[list[Lines], list[NDArray[np.bool_]]]:
-    """Return a (rows, cols) map of each sweep and its mask of valid pixels.
-
-    Args:
-        shift: (dx, dy) of each direction on the plate, mm, as found by registration.
-    """
+    """Return a (rows, cols) map of each sweep and its mask of valid pixels, moved by each direction's `shift`, mm."""
     layers, known = [], []
     for each in swept:
         dx, dy = (shift or {}).get(each.direction, (0.0, 0.0))

@@ -17,16 +17,10 @@ from whisker_array.estimation.land_fit import fit_quadratic, quadratic, robust_l
 
 
 def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.float64]:
-    """Centre of the shortest interval that holds a share of each row's samples; NaN are left out.
+    """Centre of the shortest interval that holds a share of each row's samples, (rows,); NaN are left out.
 
     A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side. Of
     equally short intervals the first is used.
-
-    Args:
-        values: (rows, samples).
-
-    Returns:
-        (rows,); NaN for a row without any sample.
     """
     ordered, middle = np.sort(values, axis=-1), np.full(values.shape[0], np.nan)
     sizes = (ordered < np.inf).sum(axis=1)
@@ -52,13 +46,10 @@ def land_coefficients(
     times the mark's depth does no harm; it is then tightened.
 
     Args:
-        moment: (lines, samples); NaN are left out.
-        share: share of the samples that must agree on a level, see `shorth`.
         cut: relative distance from the land beyond which samples have no weight; marks differ by 10 % or more.
         damping: damping of the normal equations, as a share of their trace: terms without samples stay zero.
 
-    Returns:
-        (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
+    Returns (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
     """
     lines, samples = moment.shape
     level = float(shorth(moment.reshape(1, -1), share=share)[0])
@@ -139,7 +130,6 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
 def _log_step(
     lines: NDArray[np.float64], first: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Median of log(next / line) of some lines, 0 with fewer than 20 samples; and whether there were enough."""
     with np.errstate(invalid="ignore", divide="ignore"):
         step = np.log(np.abs(lines[first + 1] / lines[first]))
     step[np.isinf(step)] = np.nan
@@ -161,10 +151,6 @@ def remove_drift(
 
     The surface is similar from line to line; a sensor's drift is not. So only the deviation from the median of the
     neighbouring lines is drift, and the rest is form. Lines that run mostly in a mark do not show their land.
-
-    Args:
-        ratio: (lines, samples) moments over the land's.
-        cut: as in `land_coefficients`.
     """
     from scipy.ndimage import median_filter
 

@@ -51,11 +51,9 @@ def fit_quadratic(
 
     Args:
         target: (rows, cols), v runs along the rows, u along the columns.
-        start: (6,) coefficients to begin with.
         damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
 
-    Returns:
-        (6,) coefficients, and the share of known samples within half of the last cut.
+    Returns (6,) coefficients, and the share of known samples within half of the last cut.
     """
     target, u = read_only(target), read_only(u)
     powers, sums = np.vander(v, 5, increasing=True), np.empty((v.size, 8))

@@ -45,11 +45,7 @@ ROUNDS = 4
 
 
 def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
-    """Estimate height and slopes of the surface by the best route that the scan allows.
-
-    Raises:
-        MapError: a sweep without usable samples or without land.
-    """
+    """Estimate height and slopes of the surface by the best route that the scan allows. Raises MapError."""
     known = next((f for f in land_friction(scan) if f.sd < USABLE_SD), None)
     profiler = next((i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)), None)
     differentiator = next((i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)), None)
@@ -128,10 +124,7 @@ def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tupl
 
 
 def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> tuple[Lines, Lines]:
-    """Solve theta = s tau + e phi for tau and phi at each pixel, by least squares over its known views.
-
-    Where the views do not separate the two, tau is computed with the land's phi, and phi is NaN.
-    """
+    """Solve theta = s tau + e phi by least squares at each pixel; with one sign by the land's phi, phi NaN."""
     s = np.array([view.base_ahead for view in views])[:, None, None]
     e = np.array([view.friction_sign for view in views])[:, None, None]
     known = np.isfinite(leans)
@@ -160,10 +153,7 @@ def _without_snags(
     *,
     least_give: float = 0.5,
 ) -> Lines:
-    """Remove from a pushed view the walls on which it nearly jams, because there it sticks and slips.
-
-    A sample is kept if lifting the tip there takes less than 1 / `least_give` of the force without any lean.
-    """
+    """Remove walls on which a pushed view nearly jams: lifting takes 1 / `least_give` of the force without lean."""
     if view.friction_sign > 0.0:
         return lean
     t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))

@@ -40,9 +40,6 @@ def registration_mm(
 ) -> dict[TraceDirection, tuple[float, float]]:
     """Plate shift (dx, dy) of each direction that aligns its map with the common one; empty without play.
 
-    Args:
-        pitch_mm: pitch of the grid.
-
     Opposite directions share their play equally; the crossed pair is aligned with the first by its profile. Directions
     without an opposite are not shifted, because their edges and their play cannot be separated.
     """
@@ -73,11 +70,7 @@ def registration_mm(
 def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
     """Find the play between forward and backward maps that agrees best with eq. (16), pixels.
 
-    Args:
-        ahead, behind: (lines, samples) enhancement of the forward and the backward trace.
-
-    Returns:
-        Play, positive when the forward map must move to larger coordinates; 0 without a clear minimum.
+    Returns the play, positive when the forward map must move to larger coordinates; 0 without a clear minimum.
     """
     strength = (ahead**2).sum(axis=1) + (behind**2).sum(axis=1)
     lines = np.argsort(-strength)[:MOST_LINES]
@@ -98,7 +91,6 @@ def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land
 
     Args:
         ahead, behind: (lines, beyond + samples + beyond) enhancement, padded by its end values.
-        halves: half plays, pixels.
         row, arm: row and arm of the tip, (3,) each, as in eq. (16).
         room: (5, samples) work array.
         cost: (halves,) sums to add to.

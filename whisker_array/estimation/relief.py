@@ -49,9 +49,6 @@ class Relief(OneLine, Validated, error=MapError):
         height_mm: (rows, cols) float32 above the land, negative in a sunk mark; NaN where unknown.
         slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
         slope_y: (rows, cols) float32 dh/dy, or None in the same cases along y.
-        origin_mm: (x, y) of its first sample.
-        friction_sd: its standard error; None where mu was only assumed.
-        route: method by which height and slope were separated.
         friction_map: (rows, cols) float32 mu of every pixel, or None; it needs a profiler and two ways.
     """
 
@@ -120,16 +117,7 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
 
 
 def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
-    """Compute height and slopes from an edge map alone, from traces in opposite directions.
-
-    Heights of floors and land do not depend on the friction; those of walls do.
-
-    Args:
-        friction: friction of the surface; default: the nominal one of the touch.
-
-    Raises:
-        MapError: the whisker jams on the land at this friction.
-    """
+    """Compute height and slopes from traces in opposite directions; `friction` matters on walls only."""
     mu = touch.friction if friction is None else friction
     by_direction = dict(zip(edges.directions, edges.enhancement, strict=True))
     if is_profiler(touch.tip):

@@ -32,14 +32,12 @@ from whisker_array.simulation.traces import SampleFlag
 
 
 def _noise(shares: Sequence[SweepShares]) -> Floats:
-    """(whiskers,) noise of a sample in the air, or on the part if there is no air."""
     air = noises([f.air for f in shares])
     known = np.isfinite(air)
     return air if known.all() else np.where(known, air, noises([f.share for f in shares]))
 
 
 def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[Floats, float]:
-    """(lines, whiskers) median moment of each line, and the usual size of those of whiskers that touch."""
     lines = np.concatenate([f.levels for f in shares])
     moment = np.fmax.reduce(np.abs(lines), axis=0)
     usual = moment[moment > 20.0 * _noise(shares)]
@@ -51,9 +49,6 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
 
     They reach to the end of a line, or are whole lines up to the last one of the field. The lines of a single whisker
     that touches nowhere do not count: at the end of the comb it is dead rather than beyond the part.
-
-    Args:
-        least: share of the moment of the other whiskers below which a tip does not touch.
     """
     least *= _levels_of_lines(shares)[1]
     silent = [~(np.abs(f.share) >= least) for f in shares]
@@ -86,13 +81,7 @@ def flagged_beyond_part(scan: Scan, shares: Sequence[SweepShares]) -> list[Mask]
 
 
 def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
-    """Flag samples whose tips run beyond the part, unless the recording has such flags.
-
-    The scan itself is returned if there are no such samples.
-
-    Args:
-        least: as in `beyond_part`.
-    """
+    """Flag samples whose tips run beyond the part, unless the recording has such flags or there are none."""
     if all(s.plan.pushed for s in scan.sweeps) or knows_part(scan):
         return scan
     columns, shares = np.flatnonzero(np.asarray(scan.kind) == 0), sweep_shares(only(scan))
@@ -122,11 +111,7 @@ def without(shares: Sequence[SweepShares], masks: Sequence[Mask]) -> list[SweepS
 
 
 def above_noise(shares: Sequence[SweepShares], level: Floats, *, times: float = 5.0) -> Mask:
-    """(whiskers,) whether a signal changes when the array is lowered, by more than its noise.
-
-    Args:
-        level: (whiskers,) level of the land; NaN if unknown.
-    """
+    """(whiskers,) whether a signal changes by more than its noise when the array is lowered."""
     return np.abs(level) > times * _noise(shares)
 
 
@@ -142,10 +127,6 @@ def is_clear(
     """(whiskers,) whether a signal is that of a tip on the land, however small: even, and nowhere lost.
 
     A tip that hardly touches loses contact in marks and shows every unevenness of the plate.
-
-    Args:
-        level: (whiskers,) level of the land.
-        even: greatest spread of the lines' levels, share of the level.
     """
     size = np.abs(level)
     clear = size > least * _noise(shares)
@@ -166,12 +147,7 @@ def varies_more_in_air(shares: Sequence[SweepShares], *, times: float = 3.0) -> 
 
 
 class ChannelOrder(NamedTuple):
-    """Order of the channels in which neighbouring lines fit best.
-
-    Attributes:
-        backward: whether the lines of passes along (x, y) fit in reverse order within each whisker.
-        misfit: mean squared difference of neighbouring lines in this order, at the borders that it changes.
-    """
+    """Order of the channels in which neighbouring lines fit best, each whisker's own `backward` or not."""
 
     channel: tuple[int, ...]
     backward: tuple[bool, bool] = (False, False)
@@ -200,14 +176,7 @@ class ChannelOrder(NamedTuple):
 
 
 class _Borders(NamedTuple):
-    """Lines on both sides of the borders between whiskers, and differences of all pairs of channels there.
-
-    Attributes:
-        along_x: (borders,) whether the lines run along x.
-        whisker, beside: (borders,) whiskers on either side.
-        difference: (borders, channels, channels) mean squared difference of the lines of each pair.
-        difference_backward: the same with the lines of each whisker in reverse order.
-    """
+    """Lines on both sides of the borders between whiskers: differences of all pairs of channels (borders, n, n)."""
 
     along_x: Mask
     whisker: NDArray[np.intp]
@@ -217,7 +186,6 @@ class _Borders(NamedTuple):
 
     @property
     def now(self) -> Floats:
-        """(borders,) differences in the present order."""
         return self.difference[np.arange(self.whisker.size), self.whisker, self.beside]
 
     @property
@@ -242,12 +210,6 @@ def best_order(
     Exchanges of two channels are tried until none reduces the difference, from the present and from the reverse order,
     with the lines of each whisker forward and backward. Channels that never touch may be exchanged with others, but
     their own borders are no reason for it: such a whisker may be dead.
-
-    Args:
-        beyond: where tips run beyond the part (`beyond_part`).
-        wrong: (whiskers,) channels that are left out.
-        least_gain: least reduction of the misfit that counts; no order is tried where none can reduce it so far.
-        cut: greatest difference that counts, share of the land.
     """
     lines, usual = _levels_of_lines(shares)
     level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)

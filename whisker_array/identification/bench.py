@@ -22,11 +22,7 @@ from whisker_array.whisker.touch import Touch
 
 
 class Unknown(StrEnum):
-    """A number to identify, except gains.
-
-    Attributes:
-        sd: prior standard deviation; relative for radius and preload.
-    """
+    """A number to identify, except gains; `sd` is its prior, relative for radius and preload."""
 
     sd: float
 
@@ -62,15 +58,7 @@ GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bench(OneLine):
-    """A whisker and its bench, in numbers.
-
-    Attributes:
-        values: value of every `Unknown`.
-        gain: (whiskers,) raw signal per moment.
-
-    Raises:
-        WhiskerError: a number is missing or not finite.
-    """
+    """A whisker and its bench: the value of every `Unknown`, and the gain, raw signal per moment, of each whisker."""
 
     values: Mapping[Unknown, float]
     gain: NDArray[np.float64]
@@ -114,13 +102,7 @@ class Bench(OneLine):
         return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
-        """Return the touch of the drawn whisker with these numbers.
-
-        A touch without a drawing keeps its whisker; lengths and angle are then ignored.
-
-        Raises:
-            WhiskerError: an impossible number.
-        """
+        """Return the touch of the whisker with these numbers; without a drawing, lengths and angle are ignored."""
         use: dict[str, Any] = {
             str(name): self[name] for name in (Unknown.PRELOAD, Unknown.RADIUS, Unknown.FRICTION)
         }
@@ -130,11 +112,7 @@ class Bench(OneLine):
         return Touch(tip=whisker.tip_model(), whisker=whisker.describe(), **use)
 
     def whisker(self, nominal: LShaped) -> LShaped:
-        """Return the drawn whisker with these lengths and angle, and a material of this stiffness.
-
-        Raises:
-            WhiskerError: an impossible number.
-        """
+        """Return the drawn whisker with these lengths and angle. Raises WhiskerError for an impossible number."""
         material = nominal.material
         factor = self[Unknown.STIFFNESS]
         if factor != 1.0:
@@ -150,11 +128,7 @@ class Bench(OneLine):
 
 
 def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) -> Bench:
-    """Return the nominal bench: no play, no tilt, no shift of the piece, gains of 1.
-
-    Raises:
-        WhiskerError: the whisker is not L-shaped.
-    """
+    """Return the nominal bench: no play, no tilt, no shift of the piece, gains of 1. Raises WhiskerError."""
     if isinstance(whisker, LShaped) and whisker.is_straight:
         raise WhiskerError(
             "only an L-shaped whisker can be identified", hint="give the drawing of an L-shaped whisker"
@@ -175,12 +149,7 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
 def first_order_sd(
     moved: Callable[[int, float], float], steps: NDArray[np.float64], covariance: NDArray[np.float64]
 ) -> float:
-    """Standard deviation of a function of some numbers: sqrt(g^T C g) with central differences g.
-
-    Args:
-        steps: (n,) steps of the differences; a number with a step of 0 counts as exact.
-        covariance: (n, n) covariance of the numbers.
-    """
+    """Standard deviation sqrt(g^T C g), with central differences g; a number with a step of 0 counts as exact."""
     slope = np.array(
         [(moved(i, s) - moved(i, -s)) / (2.0 * s) if s > 0.0 else 0.0 for i, s in enumerate(steps.tolist())]
     )

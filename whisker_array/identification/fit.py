@@ -50,11 +50,9 @@ class Stage:
     """One resolution of the fit.
 
     Attributes:
-        lines: greatest number of lines.
         coarser: pitch of the map over that requested.
         place_mm: standard deviation of a position; wide at first, so that edges attract each other.
         step: half the width of a difference by a position or the friction, in prior standard deviations.
-        numbers: numbers that are fitted.
         cautious: whether slopes are reduced by the share that roughness explains; far from the solution nothing would
             be left of them.
     """
@@ -102,16 +100,8 @@ class Identified(OneLine):
 
     Attributes:
         bench: the numbers.
-        nominal: the numbers as drawn.
-        before: (n,) prior standard deviations, in the order of `Bench.vector`.
-        covariance: (n, n) posterior covariance of the numbers.
         repeated: (n, n) covariance for comparing fits of the same bench, without errors common to both.
         whiskers: whiskers used in the fit; the gains of others keep their prior.
-        traces: fitted traces.
-        predicted: for each trace (samples,), predicted moment, N mm.
-        scatter_n_mm: scatter of a sample.
-        settled: whether the fit has converged.
-        drawn: the whisker as drawn, if it was given.
     """
 
     bench: Bench
@@ -174,19 +164,10 @@ def identify(
     Args:
         scan: the recording; its touch is the nominal one. Gains calibrated on a bench are removed and have a small
             prior uncertainty; gains from land are ignored, because they contain the friction.
-        heights: heights of the test piece.
-        whisker: the drawn whisker; a touch, if there is no drawing: lengths and angle are not fitted then.
-        only: numbers to fit; the others stay nominal.
-        grid_mm: pitch of the map; that of a large tip is coarser (`finest`).
         tip_sd: prior standard deviation of the tip's radius, as a share of the radius.
-        seed: seed of the bootstrap.
-        fewest_passes: least number of passes over the piece.
         finest: finest grid as a share of the tip's radius; a finer one adds no detail.
 
-    Raises:
-        IdentifyError: too few passes over the piece, or hardly any usable sample.
-        MapError: no usable line.
-        WhiskerError: the whisker is not L-shaped.
+    Raises IdentifyError for too few passes or samples, MapError without a line, WhiskerError for another shape.
     """
     if isinstance(whisker, Touch):
         only = tuple(name for name in only if name not in DRAWN)
@@ -268,8 +249,6 @@ class Whitener:
 
 
 class _Rows:
-    """Residuals by u, the offsets of all numbers in prior standard deviations: those of samples, then u itself."""
-
     def __init__(
         self,
         forward: Forward,

@@ -38,19 +38,12 @@ class Forward:
         setup_friction: float,
         grid_mm: float = GRID_MM,
     ) -> None:
-        """Make the map of the piece."""
         self.traces = tuple(traces)
         self._nominal, self._setup = nominal, setup_friction
         self._piece = PieceMap(heights, traces, about=about, grid_mm=grid_mm)
 
     def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
-        """Predict gain times moment (samples,) of every trace, N mm.
-
-        Where a tip jams, the moment is limited to that at which a jam begins.
-
-        Raises:
-            WhiskerError: an impossible number.
-        """
+        """Predict gain times moment (samples,) of every trace, N mm, at most that at which a jam begins."""
         touch = bench.touch(self._nominal)
         surface = self._piece.surface(touch.tip_radius_mm)
         predicted: list[NDArray[np.float64]] = []

@@ -19,15 +19,7 @@ OF_WHISKER = (*DRAWN, Unknown.RADIUS, Unknown.PRELOAD, Unknown.FRICTION)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Knowledge(OneLine):
-    """Covariance of a whisker's numbers.
-
-    Attributes:
-        names: numbers, of `OF_WHISKER`; others count as known. The stiffness is relative to the whisker's own.
-        covariance: (n, n) covariance of these numbers.
-
-    Raises:
-        WhiskerError: other numbers, a number twice, or a covariance of the wrong shape.
-    """
+    """Covariance (n, n) of those numbers of a whisker that are uncertain; the stiffness is relative to its own."""
 
     names: tuple[Unknown, ...]
     covariance: NDArray[np.float64]

@@ -36,11 +36,7 @@ RADIUS_STEP = 0.1
 
 
 def heights_of(surface: HeightMap) -> Heights:
-    """Make an interpolating function of a map's heights; beyond its border the edge values are repeated.
-
-    Raises:
-        MapError: a map with holes.
-    """
+    """Make a map's interpolating function, its edge values repeated. Raises MapError if the map has holes."""
     if np.isnan(surface.z_mm).any():
         raise MapError("the piece's map has places that were not measured", hint="fill them, or cut them off")
     rows, cols = surface.shape
@@ -66,11 +62,6 @@ class PieceMap:
     """
 
     def __init__(self, heights: Heights, traces: Iterable[Trace], *, about: Bench, grid_mm: float) -> None:
-        """Make the map under these lines.
-
-        Args:
-            about: bench whose tip the map is for, and whose pose is near those requested.
-        """
         ends = np.array([end for trace in traces for end in _ends_mm(trace)])
         askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (ends - _shift_mm(about)).T)
         self._origin = askew.min(axis=1) - MARGIN_MM
@@ -102,11 +93,7 @@ class PieceMap:
         return TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
 
     def surface(self, radius_mm: float) -> TouchSurface:
-        """Surface for the tip of the step below a radius, and the difference to the next step (`pose` gives its share).
-
-        Raises:
-            WhiskerError: the radius is not positive.
-        """
+        """Surface for the tip of the step below a radius, and its difference to the next (`pose` gives the share)."""
         return self._surface(self._at(radius_mm)[0])
 
     def _at(self, radius_mm: float) -> tuple[int, float]:

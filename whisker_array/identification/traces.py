@@ -27,7 +27,6 @@ class Trace(OneLine):
     """One recorded line of one whisker.
 
     Attributes:
-        cluster: number of its pass; vibration is common to a pass, and drift ends with it.
         measured_n_mm: (samples,) signal minus that in the air, NaN where unusable.
     """
 
@@ -39,11 +38,7 @@ class Trace(OneLine):
 
 
 def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
-    """Choose the most informative lines of a recording: for every whisker and sweep those with the most relief.
-
-    Raises:
-        MapError: no line can be used.
-    """
+    """Choose the lines with the most relief of every whisker and sweep. Raises MapError without any."""
     groups: list[list[Trace]] = []
     cluster = 0
     for sweep in scan.sweeps:

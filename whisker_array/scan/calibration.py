@@ -29,28 +29,13 @@ MIN_LEAD_IN_SAMPLES = 16
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Gauges):
-    """Gain and offset of every whisker as estimated from a lead-in, raw per moment and N mm.
-
-    Attributes:
-        from_land: whether gains were estimated on land at the nominal friction, so that moments do not show the true
-            friction; otherwise they come from a bench.
-    """
+    """Gain and offset of every whisker from a lead-in; gains `from_land` do not show the true friction."""
 
     from_land: bool = False
 
 
 def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> NDArray[np.float32]:
-    """The moment, N mm, from the raw signal: (raw - offset) / gain.
-
-    Args:
-        raw: (..., whiskers, samples), N mm as measured.
-
-    Returns:
-        float32 of the same shape.
-
-    Raises:
-        SensorError: the shape does not fit.
-    """
+    """The moment, N mm, from the raw signal (..., whiskers, samples). Raises SensorError for another shape."""
     raw = np.asarray(raw)
     check_signal("raw", raw, calibration.gain.size)
     scale = (1.0 / calibration.gain).astype(np.float32)[:, None]
@@ -67,15 +52,10 @@ def calibrate_lead_in(
 ) -> Calibration:
     """Gain and offset of every whisker from its lead-in: first air, then land.
 
-    Args:
-        air: (whiskers, samples) raw signal without contact, N mm.
-        land: (whiskers, samples) raw signal on undisturbed land, N mm.
         expected_land_moment_n_mm: land moment by the whisker model, N mm, negative in its frame. An error in it, for
             example from an unknown friction, changes all gains equally and leaves m / m_land - 1 unchanged.
 
-    Raises:
-        SensorError: lead-in too short, not finite or too noisy; a moment on land that does not stand out from
-            air; or one of the wrong sign.
+    Raises SensorError: lead-in too short, not finite or too noisy; a moment on land that does not stand out from air.
     """
     air64, land64 = np.asarray(air, dtype=np.float64), np.asarray(land, dtype=np.float64)
     if air64.ndim != 2 or land64.ndim != 2 or air64.shape[0] != land64.shape[0]:

@@ -39,11 +39,7 @@ class CheckedFile:
 
     @contextmanager
     def naming(self, what: str = "", *, hint: str = "") -> Iterator[None]:
-        """Turn errors of values that the block reads into errors of this file, which begin with `what`.
-
-        Raises:
-            FileError: the block raised a MarksError.
-        """
+        """Turn a MarksError of the block into a FileError about this file, which begins with `what`."""
         try:
             yield
         except FileError:
@@ -54,14 +50,7 @@ class CheckedFile:
     def dataset(
         self, name: str, shape: Shape, *, kinds: str = "fiu", most: int = MAX_SAMPLES
     ) -> h5py.Dataset:
-        """Find a dataset of numbers, stored in this file.
-
-        Args:
-            shape: shape that it must have; None: any length.
-
-        Raises:
-            FileError: no such dataset, or another kind, shape or size.
-        """
+        """Find a dataset of numbers of a shape (None: any length). Raises FileError."""
         item = self.file.get(name)
         if not isinstance(item, h5py.Dataset):
             raise self.fail(f"has no dataset /{name}")
@@ -102,11 +91,7 @@ class CheckedFile:
         return np.asarray(self.dataset(name, (n_rows,), kinds="iu")[()])
 
     def attribute(self, name: str, default: float | None = None, *, group: str = "/") -> float:
-        """Read an attribute as a finite number.
-
-        Raises:
-            FileError: no such attribute and no default, or no finite number.
-        """
+        """Read an attribute as a finite number. Raises FileError."""
         value = self.file[group].attrs.get(name, default)
         if value is None:
             raise self.fail(f"has no attribute {name}")

@@ -18,7 +18,6 @@ class LeadIn(OneLine):
     """A calibration and the samples that it is based on.
 
     Attributes:
-        air_samples: (whiskers,) samples in the air used for each.
         land_samples: (whiskers,) samples on the land; 0 for a whisker that never ran in on the part, whose
             gain stays 1.
         residual_n_mm: (whiskers,) rms error of these samples after calibration, relative to 0 in the air and to the
@@ -32,11 +31,7 @@ class LeadIn(OneLine):
 
 
 def calibrate_scan(scan: Scan) -> LeadIn:
-    """Calibrate every whisker from the raw signals of a scan.
-
-    Raises:
-        SensorError: no air or lead-in samples in the scan, none on the land, or samples that give no gain.
-    """
+    """Calibrate every whisker from the raw signals of a scan. Raises SensorError without usable samples."""
     if all(s.plan.n_lead == 0 for s in scan.sweeps):
         what = "no lead-in on land in the scan (n_lead is 0)"
         raise SensorError(what, hint="begin the passes on land and state n_lead")

@@ -44,14 +44,9 @@ class VirtualBench(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mounted(OneLine):
-    """A part's surface prepared for the tips, in the plate frame, and its bench.
+    """A part's surface by radius of the tip, mm, padded in the plate frame, and its bench.
 
     Attributes:
-        surfaces: surfaces by radius of the tip, mm.
-        origin_mm: plate coordinate of the padded surfaces' first sample, both axes.
-        size_mm: size of the part itself, along x and y.
-        sensor: gains, noise, converter; None: ideal.
-        stage: position errors of the stage; None: none.
         drift_n_mm: (whiskers,) drift of the zeros; each pass updates it.
     """
 
@@ -75,12 +70,7 @@ class Mounted(OneLine):
         pause_s: float = 0.0,
         preload_mm: float | None = None,
     ) -> Sweep:
-        """Simulate the raw moments of a sweep.
-
-        Args:
-            pause_s: time for which the array hangs in air before each pass, in addition to the air samples.
-            preload_mm: preload; default: that of the touches.
-        """
+        """Simulate the raw moments of a sweep."""
         stage, sensor, rng, touches = self.stage, self.sensor, self.rng, self.touches
         if preload_mm is not None:
             touches = tuple(replace(touch, preload_mm=preload_mm) for touch in touches)
@@ -151,18 +141,7 @@ def mount(
 ) -> Mounted:
     """Prepare a part for simulated scans.
 
-    Args:
-        height_map: the surface; its land should be about level at zero, as a stage would mount the part. For a
-            soiled part it is the top of the dirt.
-        friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, or else
-            the nominal one.
-        soil: soft dirt; default: none.
-        sensor: gains, noise, converter; default: ideal.
-        stage: position errors of the stage; default: none.
-
-    Raises:
-        MapError: a friction map or soil that does not fit, or more samples than the limit with the run-in.
-        ValueError: a sensor or a stage without `rng`.
+    Raises MapError for a friction map or soil that does not fit, ValueError for a sensor or stage without `rng`.
     """
     if rng is None and (sensor is not None or stage is not None):
         raise ValueError(

@@ -18,12 +18,7 @@ from whisker_array.whisker.sections import WhiskerError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoggedPass(OneLine):
-    """One pass, its samples, and the posterior after it.
-
-    Attributes:
-        why: reason for this pass, in words; may be empty.
-        confidence: probability that the whole text is right, 0 to 1.
-    """
+    """One pass, its samples, its reason in words, and the posterior of the whole text after it."""
 
     order: Pass
     sweep: Sweep
@@ -34,16 +29,9 @@ class LoggedPass(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PassLog(OneLine, Validated, error=WhiskerError):
-    """The passes of a scan in one stage session.
+    """The passes of a scan in one stage session, with the reason for stopping, or the stage's message if it failed.
 
-    Attributes:
-        field_mm: (x0, y0, x1, y1) that the array could reach, plate frame.
-        stopped: reason for stopping; may be empty.
-        problem: message of the stage if it failed; otherwise empty.
-        budget_s: limit of stage seconds; None: no limit.
-
-    Raises:
-        WhiskerError: no passes, an empty field, a height or budget that is not positive.
+    `field_mm` is (x0, y0, x1, y1) that the array could reach. Raises WhiskerError for an empty log.
     """
 
     passes: tuple[LoggedPass, ...]

@@ -41,11 +41,7 @@ def write_log(log: PassLog, file: h5py.File) -> None:
 
 
 def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
-    """Read the log of a recording.
-
-    Raises:
-        FileError: a log that does not follow the layout or does not fit the passes.
-    """
+    """Read the log of a recording. Raises FileError if it does not follow the layout or does not fit the passes."""
     n, group = len(sweeps), file.file[GROUP]
     along = file.numbers(f"{GROUP}/along_mm", (n, 2))
     times = {name: file.numbers(f"{GROUP}/{name}", (n,)) for name in _TIMES}

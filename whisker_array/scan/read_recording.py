@@ -42,11 +42,7 @@ Rows = NDArray[np.intp]
 
 
 class RecordingReader(CheckedFile):
-    """Reader of one open recording.
-
-    Attributes:
-        raw: whether to ignore the calibration and leave signals in volts.
-    """
+    """Reader of one open recording; `raw` ignores the calibration and leaves signals in volts."""
 
     def __init__(self, path: Path, file: h5py.File, *, raw: bool) -> None:
         super().__init__(path, file)

@@ -69,14 +69,7 @@ def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
 
 
 def save_calibration(path: str | Path, calibration: Calibration, *, out: str | Path | None = None) -> str:
-    """Put a calibration into a recording and leave the rest unchanged; into a copy if `out` is given.
-
-    Returns:
-        Unit of the raw signal, and so of the offsets: "V" or "N mm".
-
-    Raises:
-        FileError: the recording cannot be read or the file cannot be written.
-    """
+    """Put a calibration into a recording, or its copy `out`; returns the unit of its offsets. Raises FileError."""
     path = Path(path)
     scan = load_scan(path, raw=True)
     if calibration.gain.size != scan.n_whiskers:
@@ -175,11 +168,7 @@ def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
 
 
 def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
-    """Read a recording; sizes are checked before any data is read.
-
-    Raises:
-        FileError: the file is missing, damaged, foreign, newer, too large, or does not follow the layout.
-    """
+    """Read a recording; sizes are checked before any data is read. Raises FileError."""
     path = Path(path)
     if not path.is_file():
         raise FileError(path, "is not there" if not path.exists() else "is not a file", "check the name")

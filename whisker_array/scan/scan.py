@@ -23,16 +23,9 @@ from whisker_array.whisker.touch import Touch
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan(OneLine, Validated, error=MapError):
-    """All passes over one part.
+    """All passes over one part: a sweep per trace direction and way (dragged or pushed).
 
     Attributes:
-        sweeps: one per trace direction and way (dragged or pushed).
-        touch: whisker, preload, tip and nominal friction of the first kind of whisker.
-        line_pitch_mm: distance between neighbouring lines of the interlaced passes.
-        calibration: gain and offset of each whisker if known; `None`: unit gain and no offset.
-        start_time: ISO 8601 with zone, or empty.
-        fidelity: "pointwise", "contact" or "measured".
-        others: touches of the array's other kinds of whisker.
         kind: kind of each whisker, 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0.
         log: the single passes in order, if the scan was made pass by pass; `sweeps` merges them.
     """
@@ -102,17 +95,10 @@ def trace_scan(
     """Run the virtual array over a height map.
 
     Args:
-        height_map: the surface; its land should be about level at zero, as a stage would mount the part. For a
-            soiled part it is the top of the dirt.
         bench: as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a
             (rows, cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft
             dirt of the part; default: none), sensor (gains, noise, converter; default: ideal), stage (play and
             position errors; default: ideal), rng (needed with a sensor or a stage).
-
-    Raises:
-        MapError: a friction map or soil that does not fit.
-        ValueError: a sensor or a stage without `rng`, or a sensor for another number of whiskers; a touch missing for a
-            kind.
     """
     if len(others) != plan.array.kinds - 1:
         raise ValueError(
@@ -144,11 +130,7 @@ def trace_scan(
 
 
 def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
-    """Select the samples of one kind of whisker from a scan; dragged, pushed, or both (None).
-
-    Raises:
-        MapError: no such kind of whisker, or no such sweep.
-    """
+    """Select the samples of one kind of whisker; dragged, pushed, or both (None). Raises MapError if there are none."""
     sweeps = tuple(s for s in scan.sweeps if pushed is None or s.plan.pushed == pushed)
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     if not sweeps or not columns.size:

@@ -44,15 +44,7 @@ class SensorError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gauges(OneLine, Validated, error=SensorError):
-    """Gain and offset of the gauges of an array.
-
-    Attributes:
-        gain: (n,) float64, output per true moment, nominally 1, not 0.
-        offset_n_mm: (n,) float64, output without a moment, N mm.
-
-    Raises:
-        SensorError: arrays that do not agree or are not finite, or a gain of 0.
-    """
+    """Gain (n,) and offset (n,), N mm, of an array's gauges; raises SensorError."""
 
     gain: NDArray[np.float64]
     offset_n_mm: NDArray[np.float64]
@@ -82,11 +74,8 @@ class SensorChain(Gauges):
     """Gauge, amplifier and converter of every whisker of an array.
 
     Attributes:
-        drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second.
         vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers at one
             sample, because they share the base.
-        adc_range_n_mm: full scale in both directions, N mm; inf with adc_bits None.
-        adc_bits: resolution, 2 to 32 bits for the whole range from negative to positive; None: no conversion.
     """
 
     noise_n_mm: NotNegative = 0.0
@@ -123,14 +112,8 @@ def draw_sensor_chain(
     Args:
         full_scale_n_mm: converter range in both directions, N mm. About three times the land moment leaves room
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
-        gain_sd: standard deviation of the gain about 1; draws are limited to 3 standard deviations.
-        offset_sd: standard deviation of the offset, as a share of full scale.
-        adc_bits: resolution of the converter; None: no conversion.
         noise: rms of one sample, as a share of full scale (the largest load); measured on whiskers.
         drift_a_minute: rms drift of the zero in a minute, as a share of full scale; measured on whiskers.
-
-    Raises:
-        SensorError: a value that SensorChain rejects, no whisker, or a gain_sd above 0.33.
     """
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
@@ -157,11 +140,7 @@ def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> No
 def convert(
     signal_n_mm: NDArray[np.float32], chain: SensorChain
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Convert a signal: round to the nearest count and clip to the range.
-
-    Returns:
-        The converted signal, float32, and where it was clipped, bool. NaN stays NaN and is not clipped.
-    """
+    """Convert a signal, float32: round to the nearest count and clip to the range; and where it was clipped."""
     if chain.adc_bits is None:
         return signal_n_mm, np.zeros(signal_n_mm.shape, dtype=np.bool_)
     step, half = chain.adc_step_n_mm, 2.0 ** (chain.adc_bits - 1)
@@ -187,21 +166,10 @@ def measure(
     drift_n_mm: NDArray[np.float64] | None = None,
     pause_s: float = 0.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Measure true moments with a sensor chain.
+    """Measure true moments (..., whiskers, samples), N mm, with a sensor chain; NaN (no contact) stays NaN.
 
-    Args:
-        moment_n_mm: (..., whiskers, samples), N mm, passes in the order in which they were run; NaN (no contact) stays
-            NaN.
-        rng: random generator of vibration, noise and drift; the same seed gives the same raw signal.
-        drift_n_mm: (whiskers,) drift of the zeros before the first sample, which is updated; default: none.
-        pause_s: time in air before each pass, in addition to the air samples; 0: none.
-
-    Returns:
-        raw (float32, same shape, N mm as if gain were 1) and saturated (bool, same shape): clipped
-        by the converter.
-
-    Raises:
-        SensorError: the shape does not fit the chain, or the rate is not positive.
+    `drift_n_mm` (whiskers,), the zeros before the first sample, is updated; `pause_s` in air precedes each pass.
+    Returns raw (float32, N mm as if gain were 1) and where it was clipped (bool). Raises SensorError.
     """
     moment = np.asarray(moment_n_mm)
     check_signal("moment_n_mm", moment, chain.n_whiskers)

@@ -28,14 +28,7 @@ Part = TypeVar("Part", contravariant=True)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fitting(OneLine):
-    """Whiskers mounted on a stage, and their calibration.
-
-    Attributes:
-        touch: whiskers, usual preload, tip, nominal friction.
-        field_mm: (x0, y0, x1, y1) that the array can reach, plate frame.
-        calibration: gain and offset of each whisker; None if not known.
-        fidelity: fidelity of the samples: "measured", or how they are simulated.
-    """
+    """Whiskers mounted on a stage, which reach (x0, y0, x1, y1) of the plate, and their calibration."""
 
     touch: Touch
     array: WhiskerArray
@@ -54,14 +47,7 @@ class StageSession(Protocol):
         """Whiskers, field and calibration; the same for all passes."""
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass.
-
-        Returns:
-            The raw moments, a sweep of one pass.
-
-        Raises:
-            StageError: the pass failed, and what to do; earlier passes stay valid.
-        """
+        """Feel one pass: a sweep of raw moments. Raises StageError if it failed; earlier passes stay valid."""
 
     def close(self) -> None:
         """Lift the whiskers and release the part; closing again does nothing."""
@@ -79,9 +65,6 @@ def gather_sweeps(passes: Sequence[Sweep]) -> tuple[Sweep, ...]:
 
     Passes of one direction may begin and end at different positions: the merged sweep covers all of them, and a pass is
     flagged OUTSIDE where it was not run. They share one step and one grid.
-
-    Raises:
-        ValueError: passes of one direction have different steps.
     """
     groups: dict[tuple[int, bool], list[Sweep]] = {}
     for sweep in passes:

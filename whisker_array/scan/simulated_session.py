@@ -37,11 +37,7 @@ def bench_calibration(
 
 
 class SimulatedSession:
-    """A `StageSession` over a height map.
-
-    Attributes:
-        felt_s: stage seconds of the passes so far.
-    """
+    """A `StageSession` over a height map; `felt_s` are the stage seconds of its passes so far."""
 
     @lists_options(mount, VirtualBench.__annotations__)
     def __init__(
@@ -56,15 +52,6 @@ class SimulatedSession:
         part_id: str = "",
         **bench: Unpack[VirtualBench],
     ) -> None:
-        """Mount the part.
-
-        Args:
-            bench: fidelity, friction, soil, sensor, stage and rng, as in `trace_scan`.
-
-        Raises:
-            MapError: a friction map or soil that does not fit.
-            ValueError: a sensor or a stage without `rng`.
-        """
         part = mount(
             height_map,
             touches=(touch,),

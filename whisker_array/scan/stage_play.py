@@ -32,11 +32,7 @@ class StagePlay(Validated):
     Attributes:
         play_mm: travel lost when the direction is reversed.
         rate: error of travel from the plate's origin, as a share of the travel.
-        wave_mm: amplitude of the error that repeats with each turn of the screw.
         return_mm: rms error across the trace with which a pass returns to its line.
-
-    Raises:
-        MarksError: a number is negative or not finite, or the lead is zero.
     """
 
     play_mm: NotNegative = 0.010
@@ -69,12 +65,7 @@ def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator
 def apply_screw_wave(
     moment: NDArray[np.float32], flags: NDArray[np.uint8], plan: SweepPlan, stage: StagePlay
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Move samples at even positions to those of a screw's wave, by linear interpolation.
-
-    Args:
-        moment: (..., samples).
-        stage: errors of the stage; the wave must be a small part of a step.
-    """
+    """Move samples at even positions to those of a screw's wave, a small part of a step, by linear interpolation."""
     if stage.wave_mm == 0.0:
         return moment, flags
     way = -1.0 if plan.direction.backward else 1.0

@@ -17,16 +17,7 @@ from numpy.typing import NDArray
 def to_instants(
     by_position: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None
 ) -> NDArray[Any]:
-    """Convert samples by position to samples by time, and fill the times outside the stretch of a row.
-
-    Args:
-        by_position: (passes, whiskers, samples).
-        behind: (whiskers,) delay of each whisker, samples.
-        outside: value before and after a row's own samples; default: its first and last.
-
-    Returns:
-        (passes, whiskers, samples + greatest of behind).
-    """
+    """Convert (passes, whiskers, samples) from position to time; `outside` fills before and after a row's samples."""
     n = by_position.shape[2]
     late = int(behind.max(initial=0))
     if not late:
@@ -42,10 +33,6 @@ def to_places(by_time: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.in
     """Convert samples by time to samples by position, over the stretch that all rows cover.
 
     A row with a fractional delay is interpolated linearly; flags of both neighbours are combined.
-
-    Args:
-        by_time: (passes, whiskers, instants).
-        behind: (whiskers,) delay of each whisker, samples, whole or not.
     """
     late = np.floor(behind).astype(np.intp)
     part = np.asarray(behind, dtype=np.float64) - late

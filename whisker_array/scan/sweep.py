@@ -17,8 +17,7 @@ class Sweep(OneLine):
     """The raw moments of all passes in one direction.
 
     Attributes:
-        moment_n_mm: (passes, whiskers, samples) float32, raw: with sensor gain, offset and drift.
-        flags: same shape, uint8 of SampleFlag.
+        moment_n_mm: (passes, whiskers, samples) float32, raw.
         air_n_mm: (passes, whiskers, air samples) float32, moments with the array lifted before each pass.
     """
 

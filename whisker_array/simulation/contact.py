@@ -48,11 +48,6 @@ class SurfacePose(OneLine):
         u, v = column_mm . (1, x, z), row_mm . (1, x, z)
 
     The fields of such a surface are (rows, cols, 6): height and slopes of H, and those of D.
-
-    Attributes:
-        column_mm: coefficients of u, the position along the grid's columns.
-        row_mm: coefficients of v, the position along its rows.
-        tilt: (rise_mm, along, across), added to the heights.
     """
 
     column_mm: tuple[float, float, float]
@@ -85,15 +80,7 @@ def trace_contact(
     nominal_friction: float,
     pose: SurfacePose | None = None,
 ) -> Traces:
-    """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
-
-    Args:
-        lines_mm: (lines,) lateral coordinate of each trace, mm.
-        preload_mm: d0, mm.
-
-    Raises:
-        WhiskerError: preload or step not positive.
-    """
+    """Trace parallel lines (lines,) over an oriented surface (see `surface.orient`), each whisker from rest."""
     require_positive(WhiskerError, preload_mm=preload_mm, step_mm=step_mm)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     moment = np.empty((lines.size, n_samples), dtype=np.float32)

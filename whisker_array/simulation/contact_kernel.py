@@ -37,7 +37,6 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
 
 @inline_kernel
 def _look_up_posed(fields, x, z, inv_pitch, pose):  # type: ignore[no-untyped-def]
-    """`_look_up` for a surface whose grid is not that of the traces (`contact.SurfacePose`)."""
     (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = pose
     cell = cell_of(fields, (o + ox * x + oz * z) * inv_pitch, (s + sx * x + sz * z) * inv_pitch)
     h = bilinear(fields, cell, 0) + share * bilinear(fields, cell, 3)

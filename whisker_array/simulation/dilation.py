@@ -29,10 +29,7 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
 
     The ball is evaluated at the offsets of the grid, so its bottom is exact and its flank is sampled; a radius below
-    one pitch therefore leaves the surface unchanged. Beyond the border the edge values are repeated.
-
-    Raises:
-        WhiskerError: the radius is negative or more than 60 samples.
+    one pitch leaves the surface unchanged. Beyond the border the edge values are repeated. Raises WhiskerError.
     """
     require_not_negative(WhiskerError, radius_mm=radius_mm)
     reach = int(np.floor(radius_mm / pitch_mm))

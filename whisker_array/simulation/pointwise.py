@@ -57,15 +57,7 @@ def trace_pointwise(
     preload_mm: float,
     friction: float | NDArray[np.float32],
 ) -> Traces:
-    """Simulate traces along the columns of a (lines, samples) field of heights by eqs. (11), (14), (16).
-
-    Args:
-        height_mm: dilated heights above the land at each sample, float32.
-        preload_mm: d0, depth of the unloaded tip below the land.
-
-    Raises:
-        WhiskerError: preload or step not positive.
-    """
+    """Trace the columns of (lines, samples) dilated heights by eqs. (11), (14), (16). Raises WhiskerError."""
     require_positive(WhiskerError, preload_mm=preload_mm, step_mm=step_mm)
     h = np.ascontiguousarray(height_mm, dtype=np.float32)
     mu = read_only(np.atleast_2d(friction), np.float32)

@@ -19,11 +19,7 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
     Coarser maps are interpolated (bicubic) to the step or slightly finer, because slopes of a coarse grid would have
     steps. Maps finer than half the step are averaged in blocks. The centre of the top left sample stays in place.
 
-    Args:
-        target_mm: step of the scan's samples, mm.
-
-    Raises:
-        MapError: a map so coarse and wide that the fine grid would exceed the limit of samples.
+    Raises MapError if the fine grid would exceed the limit of samples.
     """
     pitch = height_map.pitch_mm
     ratio = pitch / target_mm
@@ -59,10 +55,6 @@ def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float)
 
     The surface below the dirt is resampled like the map, and the thickness is the difference; otherwise a cubic would
     overshoot from the edge of the dirt into the metal.
-
-    Args:
-        soil: the dirt on the grid of `top`.
-        target_mm: as in `fit_pitch`.
     """
     if fitted is top:
         return soil

@@ -74,9 +74,6 @@ def sunken_heights(
     """Compute heights under traces for the pointwise formula; all arrays are (lines, samples).
 
     e depends on the slope of the track, and the slope weakly on e, so a few iterations per sample converge.
-
-    Args:
-        preload_mm: d0.
     """
     if not (top_mm > bottom_mm).any():
         return bottom_mm

@@ -63,11 +63,7 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
 
 
 def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
-    """Check friction: one coefficient as a float, or a map as float32 of a given shape.
-
-    Raises:
-        MapError: a map of another shape, or a value that is negative or not finite.
-    """
+    """Check friction, one coefficient or a map of a given shape. Raises MapError."""
     mu = np.asarray(friction, dtype=np.float32)
     if mu.ndim > 0 and mu.shape != shape:
         raise MapError(f"friction map {mu.shape} does not fit the height map {shape}")
@@ -89,12 +85,7 @@ def prepare_surface(
 
     For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between.
 
-    Args:
-        friction: Coulomb coefficient, one number or a (rows, cols) map (oil lowers it in patches).
-        soil: dirt on the same grid, whose top is the height map; its friction is ignored here.
-
-    Raises:
-        MapError: a friction map of another shape, negative or not finite; soil of another shape.
+    Raises MapError: a map of another shape, negative or not finite; soil of another shape.
     """
     mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)

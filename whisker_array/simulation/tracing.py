@@ -29,14 +29,7 @@ def trace_sweep(
     """Trace one sweep over a padded surface in its trace frame.
 
     Lead-in and lead-out may run on the repeated edge; any other sample beyond the part is OUTSIDE.
-
-    Args:
-        oriented: surface in the trace frame of the sweep's direction (`orient`).
-        origin_mm: plate coordinate of the padded surface's first sample, both axes.
-        commanded: commanded positions, which decide which samples are OUTSIDE; default: the actual ones.
-
-    Returns:
-        (passes * whiskers, samples), passes first.
+    `commanded` positions, by default the actual ones, decide it. Returns (passes * whiskers, samples), passes first.
     """
     length = (oriented.shape[1] - 1) * oriented.pitch_mm
     start = sweep.start_mm - origin_mm

@@ -52,14 +52,7 @@ PITCH_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class WhiskerArray(Comb):
-    """A comb of equal whiskers, or several such combs one behind the other; positions are those of `Comb`.
-
-    Attributes:
-        body: space occupied by a whisker; None: whiskers are points, as in a prediction.
-
-    Raises:
-        WhiskerError: a number is invalid, or whiskers would touch.
-    """
+    """A comb of equal whiskers, or several one behind the other; without a `body` whiskers are points."""
 
     body: Body | None = field(default=None, repr=False)
 
@@ -91,10 +84,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
     """Raster of an array over a rectangle of the plate.
 
     Attributes:
-        region_mm: (x0, y0, x1, y1) to scan, plate frame.
-        air_samples: samples taken with the array lifted before each pass, for the offsets.
-        turnaround_s: time to lift, move and set down between passes.
-        two_way: whether every pass is traced again on its return, pushed.
         each_whisker: whether every whisker crosses the whole region, as for a test piece narrower than the comb; by
             default the whiskers share it.
     """
@@ -174,7 +163,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
             yield first, line_mm
 
     def _lines_mm(self, low: float, high: float) -> NDArray[np.float64]:
-        """Lines (passes, whiskers) between two coordinates across the trace, block by block, interlaced."""
         n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
         whiskers = self.array.n_whiskers
         if self.each_whisker:

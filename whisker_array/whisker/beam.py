@@ -37,14 +37,7 @@ _WORLD_X = np.array([1.0, 0.0, 0.0])
 
 
 def cross_matrix(r: Vector) -> Matrix:
-    """[r]x of eq. (5): cross_matrix(r) @ f = r x f.
-
-    Args:
-        r: (3,) vector, or (n, 3).
-
-    Returns:
-        (3, 3) or (n, 3, 3) float64.
-    """
+    """[r]x of eq. (5): cross_matrix(r) @ f = r x f, for (3,) or (n, 3)."""
     r = np.asarray(r, dtype=np.float64)
     matrix = np.zeros((*r.shape, 3))
     for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -54,15 +47,7 @@ def cross_matrix(r: Vector) -> Matrix:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Segment(OneLine):
-    """One straight piece of a whisker.
-
-    Attributes:
-        start_mm: (3,) float64, the end nearer the base, world frame, mm.
-        end_mm: (3,) float64, the end nearer the tip, mm.
-
-    Raises:
-        WhiskerError: points that are not finite 3-vectors, or a length of zero.
-    """
+    """One straight piece of a whisker, from the end nearer the base, mm, world frame. Raises WhiskerError."""
 
     start_mm: Vector
     end_mm: Vector
@@ -171,11 +156,7 @@ def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
 
 
 def check_chain(segments: Sequence[Segment]) -> None:
-    """Check that the segments follow each other, base to tip.
-
-    Raises:
-        WhiskerError: no segment, or a gap between a segment's end and the start of the next.
-    """
+    """Check that the segments follow each other, base to tip. Raises WhiskerError."""
     if not segments:
         raise WhiskerError("a chain needs at least one segment")
     total = sum(s.length_mm for s in segments)
@@ -189,11 +170,7 @@ def check_chain(segments: Sequence[Segment]) -> None:
 
 
 def require_plane(error: type[MarksError], points_mm: Matrix) -> None:
-    """Check that the points (n, 3) of a whisker lie in the plane of tracing.
-
-    Raises:
-        MarksError: (as `error`) the points do not lie in one plane.
-    """
+    """Check that the points (n, 3) of a whisker lie in the plane of tracing; otherwise raises `error`."""
     if np.ptp(points_mm[:, 2]) > 1e-9 * np.abs(points_mm - points_mm[0]).max():
         raise error("the whisker leaves the plane of tracing", hint="give a chain with one z for all points")
 
@@ -204,13 +181,9 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     Args:
         axial: whether to include the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without
             it a straight whisker's D11 is singular.
-
-    Returns:
-        (6, 6) float64, symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per
-        N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
-
-    Raises:
-        WhiskerError: an empty or broken chain, or a taper too steep to integrate.
+    Returns (6, 6), symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per
+    N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
+    Raises WhiskerError.
     """
     check_chain(segments)
     tip = segments[-1].end_mm

@@ -46,9 +46,6 @@ class Body(OneLine, Validated, error=WhiskerError):
     Attributes:
         shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and at the greatest bend.
         clamp_mm: (length ahead of the base, half height).
-
-    Raises:
-        WhiskerError: a size not positive.
     """
 
     width_mm: Positive
@@ -128,11 +125,7 @@ def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: flo
 def bent_the_most(
     whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION, burr: float = 0.1
 ) -> NDArray[np.float64]:
-    """Line of the elastica on land, (n, 2) mm from the clamp, lifted by the preload and by burrs `burr` preloads high.
-
-    Raises:
-        WhiskerError: an impossible lift.
-    """
+    """Line of the elastica on land, (n, 2) mm from the clamp, lifted by the preload and burrs `burr` preloads high."""
     try:
         bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + burr), mu=mu).shape_mm
     except ElasticaError as error:
@@ -144,9 +137,6 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
     """Compute the body of a whisker, at rest and at the greatest bend.
 
     The steepest wall along the trace bends the tip sideways by f_n tan(60 deg) Dzz, f_n = d0 / Dyy (`TipModel`).
-
-    Raises:
-        WhiskerError: the preload is not positive, or the lift is impossible.
     """
     require_positive(WhiskerError, preload_mm=preload_mm)
     return _body(whisker, preload_mm, bent_the_most(whisker, preload_mm=preload_mm, mu=mu))
@@ -160,12 +150,7 @@ def _body(
     steepest: float = math.sqrt(3.0),
     clamp_thicknesses: float = 4.0,
 ) -> Body:
-    """Compute the body of a whisker.
-
-    Args:
-        preload: d0, mm.
-        steepest: tangent of the steepest wall that pushes the tip sideways, 60 degrees.
-    """
+    """The steepest wall that pushes the tip sideways has the tangent `steepest`, 60 degrees."""
     segments = whisker.segments()
     outline = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
     sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]
@@ -195,11 +180,7 @@ def _unit_body() -> Body:
 
 
 def default_body(character_height_mm: float) -> Body:
-    """Return the body of the default whisker, whose sizes scale with the character height.
-
-    Raises:
-        WhiskerError: the height is not positive.
-    """
+    """Return the body of the default whisker, whose sizes scale with the character height. Raises WhiskerError."""
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     return _unit_body().scaled(character_height_mm)
 
@@ -213,13 +194,8 @@ class Comb(Validated, error=WhiskerError):
 
     Attributes:
         pitch_mm: lateral distance between neighbouring whiskers.
-        rows: number of staggered rows of one comb: whisker i is in row i mod rows.
-        stagger_mm: distance between neighbouring rows along the trace.
         kinds: number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
             with the position of its own tip.
-
-    Raises:
-        WhiskerError: an invalid number.
     """
 
     n_whiskers: AtLeastOne
@@ -262,11 +238,7 @@ def collisions(body: Body, comb: Comb) -> str:
 
 
 def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
-    """Smallest distance between neighbouring rows, in whole steps, at which none touch; 0 for one row.
-
-    Raises:
-        WhiskerError: whiskers of one row touch.
-    """
+    """Smallest distance between neighbouring rows, in whole steps, at which none touch; 0 for one row."""
     if comb.n_whiskers > comb.rows and comb.rows * comb.pitch_mm < body.side_room_mm:
         enough = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
         raise WhiskerError(

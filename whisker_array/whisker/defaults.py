@@ -37,12 +37,6 @@ def default_whisker(
     ======  =====  =====  =====  =====  =====  =========
 
     The whisker is a profiler (F = 1) at H = 1.78 mm; for smaller characters rising walls make the moment smaller.
-
-    Args:
-        gauge_room_heights: the same in character heights, for gauges and clamps that grow with the whisker.
-
-    Raises:
-        WhiskerError: the height is not positive.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     h = character_height_mm
@@ -70,9 +64,6 @@ def profiling_whisker(character_height_mm: float) -> LShaped:
     study 1), and the tip moves exactly like that of a differentiator. A straight whisker is a profiler, too, but cannot
     follow steep marks: its shaft clears a rising wall only if beta is above alpha, and a falling wall lifts it only if
     alpha + beta is below 90 degrees plus the angle of friction.
-
-    Raises:
-        WhiskerError: the height is not positive.
     """
     whisker = default_whisker(character_height_mm)
     return replace(whisker, l3_mm=-0.5 * whisker.l2_mm)

@@ -56,9 +56,6 @@ class LargeDeflection(OneLine, Validated, error=ElasticaError):
         tip_shift_mm: (3,) float64, from the unloaded tip to the deformed one, world axes, mm; read-only. Away from the
             base is negative x.
         shape_mm: (n, 2) float64, the bent whisker from clamp to tip, (x, y) from the clamp, mm; read-only.
-
-    Raises:
-        ElasticaError: wrong shapes, or a number that is not finite.
     """
 
     force_n: Vector
@@ -73,13 +70,9 @@ class LargeDeflection(OneLine, Validated, error=ElasticaError):
 
 @dataclass(frozen=True)
 class LinearError:
-    """Errors of the linear beam at one lift: positive where it overestimates.
+    """Errors of the linear beam at one lift, (linear - exact) / exact: positive where it overestimates.
 
-    Attributes:
-        force: (linear - exact) / exact of the contact force.
-        moment: (linear - exact) / exact of the moment at the sensor. The linear moment has the arm to the
-            unloaded tip, as in (13); the errors of force and arm partly cancel.
-        shift_mm: linear minus exact shift of the tip along x, mm.
+    The linear moment has the arm to the unloaded tip, as in (13); the errors of force and arm partly cancel.
     """
 
     lift_mm: float
@@ -105,12 +98,10 @@ class _Rod:
 
     @property
     def angle(self) -> Matrix:
-        """(n, 1) direction of each segment at rest, rad."""
         return np.asarray(np.arctan2(self.along[1], self.along[0]))
 
     @property
     def share(self) -> Matrix:
-        """(n, 1) length of each segment."""
         return np.asarray(np.hypot(self.along[0], self.along[1]))
 
     def softness(self, t: Vector) -> Matrix:
@@ -182,11 +173,9 @@ def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) ->
 
 
 def _follow(rod: _Rod, target: float) -> Any:
-    """Solve from the linear beam up to lift / L = target, in load steps.
+    """Solve from the linear beam up to lift / L = target, in load steps, by Newton from the unloaded rod.
 
-    The first guess is the unloaded rod, from which the first Newton step is the linear solution. A step is accepted
-    if it converges near the last one in force (over the linear force) and shape, so that it does not jump to another
-    branch.
+    A step is accepted if it converges near the last one in force and shape, so that it does not jump to another branch.
     """
     n = len(rod.segments)
     mesh, guess, force = np.linspace(0.0, 1.0, _FIRST_NODES), np.zeros((3 * n, _FIRST_NODES)), 0.0
@@ -211,7 +200,6 @@ def _follow(rod: _Rod, target: float) -> Any:
 
 
 def _shape(rod: _Rod, solution: Any, lift_mm: float) -> Matrix:
-    """The bent line (points, 2) relative to the clamp, mm, with every corner once."""
     n = len(rod.segments)
     t = np.linspace(0.0, 1.0, max(2, math.ceil(_SHAPE_POINTS / n)) + 1)
     shift = solution.sol(t).reshape(3, n, -1)[1:]
@@ -225,14 +213,7 @@ def large_deflection(
 ) -> LargeDeflection:
     """Compute the exact force, moment and shape of a whisker on a surface: (11) and (13) without linearisation.
 
-    Args:
-        lift_mm: d0 + h, height of the tip above its unloaded position, mm, positive.
-        alpha_rad: intersection angle of the surface, rad.
-
-    Raises:
-        ElasticaError: the lift is not positive, out of the whisker's reach or without a solution, or the whisker jams
-            or leaves the plane.
-        WhiskerError: alpha or mu out of range.
+    Raises ElasticaError if the lift is out of reach or without a solution, or the whisker jams or leaves the plane.
     """
     return _bend(_rod(whisker, mu=mu, alpha_rad=alpha_rad), lift_mm)
 
@@ -257,8 +238,6 @@ def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad
     To first order, without friction on the land, the error of an L-shaped whisker with beta = 0 is 3.375 k lift / l1 in
     force and 1.875 k lift / l1 in moment (its tip arm swings out); that of a straight whisker is only of order
     (lift / l)^2.
-
-    Arguments and errors are those of `large_deflection`; also raises ElasticaError where the exact moment vanishes.
     """
     rod = _rod(whisker, mu=mu, alpha_rad=alpha_rad)
     exact = _bend(rod, lift_mm)
@@ -279,8 +258,7 @@ def _relative_moment(moment_n_mm: float, exact: LargeDeflection) -> float:
 def enhancement_exact(whisker: Whisker, *, preload_mm: float, alpha_rad: float, mu: float) -> float:
     """F of (15) and (16) with both states exact: moment on the slope over that on the land, same tip height.
 
-    Unlike (16) it depends on the preload; it tends to (16) as the preload vanishes. Errors are those of
-    `linear_error`.
+    Unlike (16) it depends on the preload; it tends to (16) as the preload vanishes.
     """
     slope = large_deflection(whisker, lift_mm=preload_mm, mu=mu, alpha_rad=alpha_rad)
     return _relative_moment(slope.moment_n_mm, large_deflection(whisker, lift_mm=preload_mm, mu=mu))

@@ -81,10 +81,8 @@ def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDAr
 def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.0, mu: float) -> float:
     """Eqs. (7) and (11): the normal force at which the tip is at the height of the surface, N.
 
-    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is the height of the tip above its unloaded path.
-
-    Raises:
-        WhiskerError: the whisker jams: no force within the friction cone lifts the tip.
+    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is the height of the tip above its unloaded path. Raises
+    WhiskerError: the whisker jams: no force within the friction cone lifts the tip.
     """
     give = float(tip_model.compliance_mm_per_n[1] @ rotation(alpha_rad) @ contact_direction(mu))
     if give <= 0.0:
@@ -111,8 +109,7 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
 
     R = R(0) is the land, R' = R(alpha) the slope.
 
-    Raises:
-        WhiskerError: one of the two denominators vanishes (the singular angle, or no moment on the land).
+    Raises WhiskerError where one of the two denominators vanishes.
     """
     land = contact_direction(mu)
     slope = rotation(alpha_rad) @ land
@@ -126,7 +123,6 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
 def _lift_and_turn(
     slope: ArrayLike, mu: float, tip_model: TipModel
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """e_y.D11 R'a and s3.T1 R'a, both over cos(alpha): R'a = cos(alpha) (-mu - p, 1 - mu p, 0), p = slope."""
     require_not_negative(WhiskerError, mu=mu)
     p = np.asarray(slope, dtype=np.float64)
     along, up = -mu - p, 1.0 - mu * p
@@ -137,15 +133,7 @@ def _lift_and_turn(
 def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.float64]:
     """Eq. (16) for arrays: F at the surface slope dh/dx = -tan(alpha) along the trace.
 
-    Args:
-        slope: dh/dx, any shape, dimensionless; positive where the surface rises ahead of the tip.
-
-    Returns:
-        float64 of the same shape; 1 on the land, NaN where the whisker jams (see is_jammed) or the
-        slope is NaN.
-
-    Raises:
-        WhiskerError: the whisker jams on the land, or the force on the land makes no moment.
+    1 on the land, NaN where the whisker jams or the slope is NaN. Raises WhiskerError if it jams on the land.
     """
     lift, turn = _lift_and_turn(slope, mu, tip_model)
     land_lift, land_turn = (float(v) for v in _lift_and_turn(0.0, mu, tip_model))
@@ -157,9 +145,6 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
 
 
 def is_jammed(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.bool_]:
-    """Find where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps.
-
-    Arguments and shapes are those of `moment_ratio`; False where the slope is NaN.
-    """
+    """Find where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps."""
     lift, _ = _lift_and_turn(slope, mu, tip_model)
     return np.asarray(lift <= 0.0)

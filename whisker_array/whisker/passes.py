@@ -32,11 +32,7 @@ SAMPLES_TOLERANCE = 1e-3
 
 
 def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArray[np.intp]:
-    """Number of samples by which each whisker reaches a position later than the foremost row.
-
-    Raises:
-        WhiskerError: a row is ahead of the foremost one, or between two samples.
-    """
+    """Samples by which each whisker reaches a position later than the foremost row. Raises WhiskerError."""
     behind = np.asarray(tuple(offset_mm), dtype=np.float64) / sample_pitch_mm
     whole = np.rint(behind).astype(np.intp)
     if behind.size and (not np.isfinite(behind).all() or whole.min() < 0):
@@ -57,12 +53,9 @@ class SweepPlan(OneLine):
     Attributes:
         line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); with
             several kinds, whiskers of the first kind come first.
-        start_mm: plate coordinate along the trace of the first touching sample.
         step_mm: distance between samples, mm, positive; positions decrease from start_mm if the direction is
             backward.
-        n_samples: number of touching samples, including lead-in and lead-out.
         n_lead: number of samples of the lead-in on land before the region, and of the lead-out behind it.
-        pushed: whether the base follows the tip, as when a dragged array returns; otherwise it is ahead.
         offset_mm: distance of each whisker behind the foremost row, along the trace; empty if all are level.
     """
 
@@ -98,13 +91,7 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     Attributes:
         line_mm: plate coordinate across the trace of every whisker of the array.
-        along_mm: (least, greatest) plate coordinate along the trace, without lead-in and lead-out.
-        turnaround_s: time to lift, move and set down for the next pass.
         preload_mm: depth of the unloaded tip below the land; default: that of the touch.
-        offset_mm: see `SweepPlan`; for a comb, `WhiskerArray.offset_mm`.
-
-    Raises:
-        WhiskerError: no whiskers, an empty stretch, or an invalid number.
     """
 
     direction: TraceDirection

@@ -39,15 +39,7 @@ class WhiskerError(MarksError):
 
 @dataclass(frozen=True)
 class Material(Validated, error=WhiskerError):
-    """An isotropic, linearly elastic material.
-
-    Attributes:
-        poisson: Poisson's ratio, 0 <= nu < 0.5.
-        density_g_cm3: density, g/cm^3.
-
-    Raises:
-        WhiskerError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
-    """
+    """An isotropic, linearly elastic material; raises WhiskerError for an impossible constant."""
 
     # whisker files contain this class; unknown keys are errors
     __pydantic_config__: ClassVar = {"extra": "forbid"}
@@ -81,7 +73,6 @@ class Section(Validated, error=WhiskerError):
         i_vertical_mm4: second moment for bending in the vertical plane of the whisker (about the lateral axis).
         i_lateral_mm4: second moment for bending sideways (about the in-plane axis across the beam).
         j_mm4: St. Venant torsion constant; for a round section it is the polar second moment.
-        c_vertical_mm: distance from the lateral axis to the outer fibre.
     """
 
     area_mm2: float = field(init=False, repr=False, compare=False)
@@ -109,11 +100,7 @@ class Section(Validated, error=WhiskerError):
         return tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     def blend(self, other: Section, t: float) -> Self:
-        """Mix the dimensions linearly: this section at t = 0, the other at t = 1.
-
-        Raises:
-            WhiskerError: the other section is of a different kind.
-        """
+        """Mix the dimensions linearly: this section at t = 0, the other, of the same kind, at t = 1."""
         if type(other) is not type(self):
             raise WhiskerError(
                 f"cannot taper from {type(self).__name__} to {type(other).__name__}",
@@ -125,11 +112,7 @@ class Section(Validated, error=WhiskerError):
 
 @dataclass(frozen=True)
 class Tube(Section):
-    """Round tube, e.g. hypodermic tubing.
-
-    Attributes:
-        inner_mm: inner diameter, mm, 0 <= inner < outer.
-    """
+    """Round tube, e.g. hypodermic tubing."""
 
     outer_mm: Positive
     inner_mm: float
@@ -142,11 +125,7 @@ class Tube(Section):
 
 @dataclass(frozen=True)
 class Round(Section):
-    """Solid round wire.
-
-    Attributes:
-        diameter_mm: wire diameter, mm.
-    """
+    """Solid round wire."""
 
     diameter_mm: Positive
 
@@ -157,11 +136,7 @@ class Round(Section):
 
 @dataclass(frozen=True)
 class Rectangle(Section):
-    """Rectangular section; with width_mm well above thickness_mm it is a ribbon.
-
-    Attributes:
-        width_mm: lateral side, mm.
-    """
+    """Rectangular section; with width_mm, its lateral side, well above thickness_mm it is a ribbon."""
 
     thickness_mm: Positive
     width_mm: Positive
@@ -189,14 +164,7 @@ def _rectangle_torsion_mm4(thickness_mm: float, width_mm: float) -> float:
 
 @dataclass(frozen=True, repr=False)
 class Taper(OneLine):
-    """A section whose dimensions vary linearly along a segment.
-
-    Attributes:
-        end: section at the end nearer the tip, of the same kind.
-
-    Raises:
-        WhiskerError: the two ends are of different kinds.
-    """
+    """A section whose dimensions vary linearly along a segment to the `end` nearer the tip, of the same kind."""
 
     start: Section
     end: Section

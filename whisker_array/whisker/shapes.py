@@ -40,9 +40,6 @@ class TipModel(OneLine):
     Attributes:
         compliance_mm_per_n: (3, 3) float64, D11 in world axes, mm/N; symmetric positive definite, read-only.
         moment_arm_mm: (3,) float64, third row of T1: m = moment_arm_mm . f, N mm, read-only.
-
-    Raises:
-        WhiskerError: wrong shapes, not finite, not symmetric, not positive definite.
     """
 
     compliance_mm_per_n: Matrix
@@ -94,11 +91,7 @@ class LShaped(OneLine, Validated, error=WhiskerError):
     Attributes:
         l2_mm: length of the tip arm, mm, >= 0; it hangs vertically from the end of l1 at any beta.
         l3_mm: distance by which the sensor base is lowered towards the tip, mm; None means l3 = l2.
-        beta_rad: setting angle of l1 from the horizontal, rad.
         section: constant section of both arms, or a Taper over l1 (the tip arm then has its end section).
-
-    Raises:
-        WhiskerError: a length or angle out of range.
     """
 
     l1_mm: Positive
@@ -156,12 +149,6 @@ def straight_whisker(
     """Make a straight whisker, the profiler of Sec. 3.5: F = 1 at any friction.
 
     Without its axial term (`tip_model(axial=False)`) D11 is singular.
-
-    Args:
-        beta_rad: setting angle from the horizontal, rad, |beta| < pi/2.
-
-    Raises:
-        WhiskerError: a length is not positive, or the angle is out of range.
     """
     return LShaped(length_mm, 0.0, 0.0, beta_rad, section, material)
 
@@ -174,10 +161,6 @@ class Chain(OneLine, Validated, error=WhiskerError):
         points_mm: (n + 1, 3) float64, base to tip in the world frame (tip behind the base), mm; read-only.
         sections: n sections or Tapers, one for each segment; a single one is used throughout.
         l3_mm: distance by which the sensor base is lowered below the first point, mm.
-
-    Raises:
-        WhiskerError: fewer than two points, a number that is not finite, a wrong number of sections, or a tip ahead
-            of its base.
     """
 
     points_mm: Matrix

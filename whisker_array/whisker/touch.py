@@ -25,12 +25,7 @@ MOST_PRELOAD_MM = 1000.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Touch(OneLine, Validated, error=WhiskerError):
-    """Touch of a whisker: tip, preload, ball and friction.
-
-    Attributes:
-        preload_mm: d0, depth of the unloaded tip below the land.
-        friction: nominal Coulomb coefficient, used if no better value is known (templates, lag on the land).
-    """
+    """Touch of a whisker: tip, preload d0, ball, and the friction that is used if no better value is known."""
 
     tip: TipModel
     preload_mm: Annotated[Positive, Range(0.0, MOST_PRELOAD_MM)]

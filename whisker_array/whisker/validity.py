@@ -42,12 +42,9 @@ def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LumpedWhisker(OneLine):
-    """A whisker with its mass lumped at joints.
+    """A whisker with its mass, t (N s^2 / mm), lumped at (n, 3) joints.
 
-    Attributes:
-        joints_mm: (n, 3) ends of the pieces, base to tip, without the base.
-        mass_t: (n,) mass of the joints, t (N s^2 / mm).
-        strain: (6 n, 3 n) weighted strain of every piece under unit forces on the joints.
+    `strain` (6 n, 3 n) is the weighted strain of every piece under unit forces on the joints.
     """
 
     joints_mm: Matrix

@@ -191,7 +191,7 @@ def _yielding_layer(
 ) -> tuple[Field, Field]:
     """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.
 
-    Powder is at most the upper third of the rust; it crumbles under a fingernail, though its crystals are hard (Mohs 5).
+    Powder is at most the upper third of the rust; it crumbles under a fingernail, hard (Mohs 5) as its crystals are.
     """
     most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
     powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst) / (1.0 + np.maximum(fallen, 0.0)))
