@@ -171,7 +171,7 @@ def _text_measures(
 def disagree(
     part: KeptPart, text: str, scores: Mapping[str, Score], *, sure: float = 0.97, ratio: float = 1000.0
 ) -> bool:
-    """Whether a sense is sure of another text than the one read (`recognition.decide.sense_judges.senses_disagree`)."""
+    """Whether a sense is sure of another text than the one read (see `judges.senses`)."""
     senses = [reading for sense in ("tactile", "vision") if (reading := _by_sense(part, sense)) is not None]
     if len({reading.text for reading in senses}) < 2:
         return False

@@ -15,9 +15,9 @@ from recognition.decide import risk as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import CertifiedAcceptance, Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
+from recognition.decide.judges.score import certificate, other_texts
+from recognition.decide.judges.strokes import guessed_characters
 from recognition.decide.reading import Reading
-from recognition.decide.score_judges import certificate, other_texts
-from recognition.decide.stroke_judges import guessed_characters
 from recognition.find.part_lines import PartLines
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice

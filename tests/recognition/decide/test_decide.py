@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
-from recognition.decide.format_judges import IN_FORMAT, small_letters
+from recognition.decide.judges.format import IN_FORMAT, small_letters
 from recognition.decide.reading import Reading
 from recognition.find.part_lines import PartLines
 from recognition.find.request import LineFormat

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from recognition.decide.deferred import deferrable, deferred
-from recognition.decide.stroke_judges import cut_characters, missing_strokes, named_font, undecided_strokes
+from recognition.decide.judges.strokes import cut_characters, missing_strokes, named_font, undecided_strokes
 from tests.support.evidence import judged, text_of
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from glyphs.stamping.faces import Face
 from recognition.decide.decision import Decision, Finding, ReadingFlag
-from recognition.decide.depth_judges import depth_rules, print_size_mm, violations
 from recognition.decide.depth_rules import (
     DEPTH_RULES,
     DepthRule,
@@ -19,6 +18,7 @@ from recognition.decide.depth_rules import (
     depth_rule,
     least_depth,
 )
+from recognition.decide.judges.depths import depth_rules, print_size_mm, violations
 from recognition.decide.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth, depth_bias_mm
 from recognition.marks.no_depth import NoDepth

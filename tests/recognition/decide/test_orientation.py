@@ -10,10 +10,11 @@ import pytest
 
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
-from recognition.decide import line_judges, risk
+from recognition.decide import risk
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
+from recognition.decide.judges import lines
 from recognition.decide.reading import Reading
 from recognition.find.find import find, search_of
 from recognition.find.orientation import read_ways, ways_possible
@@ -60,7 +61,7 @@ def test_what_is_known_removes_ways(
 
 def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of these marks a look tells the way; the test has it tell too little."""
-    monkeypatch.setattr(line_judges, "LEAST_LEAD_NATS", math.inf)
+    monkeypatch.setattr(lines, "LEAST_LEAD_NATS", math.inf)
     reading = reading_of(*read(view_of("822800"), "999999", rows_known=False))
     assert (reading.text, reading.decision) == ("822800", Decision.REVIEW)
     assert any("also readable with its rows in the other order: " in m for m in reading.messages())

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from recognition.decide.decision import Decision, Finding, ReadingFlag
+from recognition.decide.judges.score import low_confidence
+from recognition.decide.judges.strokes import missing_strokes
 from recognition.decide.reading import Candidate, CharacterReading, Reading
-from recognition.decide.score_judges import low_confidence
-from recognition.decide.stroke_judges import missing_strokes
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 from recognition.language.lattice import Lattice

@@ -12,9 +12,9 @@ from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
 from recognition.decide.decision import Finding, ReadingFlag, flags_of
+from recognition.decide.judges.strokes import HIDDEN_MARGIN, LEFT, missing_strokes, undecided_strokes
 from recognition.decide.measures import is_dirt
 from recognition.decide.reading import CharacterReading
-from recognition.decide.stroke_judges import HIDDEN_MARGIN, LEFT, missing_strokes, undecided_strokes
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice

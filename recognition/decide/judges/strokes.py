@@ -14,7 +14,7 @@ from statistics import mode
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
-from recognition.decide.words import places_text
+from recognition.decide.judges.words import places_text
 from recognition.marks.grade import Action
 from recognition.marks.strokes import LIVE, PlaceStrokes, RivalStrokes
 

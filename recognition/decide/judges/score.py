@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.judges.words import ranges_text
 from recognition.decide.risk import risk_findings
 from recognition.decide.score import DIGITS
-from recognition.decide.words import ranges_text
 from recognition.language.confusions import CharacterState
 from recognition.marks.lines_felt import places_lacking_lines
 

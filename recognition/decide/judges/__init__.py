@@ -7,18 +7,18 @@ from typing import TypeAlias
 
 from recognition.decide.choice import Choice
 from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, ReadingFlag, decision_of, flags_of
-from recognition.decide.depth_judges import depth_rules
 from recognition.decide.evidence import DecisionSettings, Evidence
-from recognition.decide.format_judges import check_digit, format_not_met, no_characters, small_letter
-from recognition.decide.line_judges import layout, orientation, other_lines, unread_photograph
-from recognition.decide.score_judges import (
+from recognition.decide.judges.depths import depth_rules
+from recognition.decide.judges.format import check_digit, format_not_met, no_characters, small_letter
+from recognition.decide.judges.lines import layout, orientation, other_lines, unread_photograph
+from recognition.decide.judges.score import (
     accepted_risk,
     certificate,
     low_confidence,
     other_texts,
     too_few_lines,
 )
-from recognition.decide.sense_judges import (
+from recognition.decide.judges.senses import (
     code_disagrees,
     lines_disagree,
     log_of_sense,
@@ -26,7 +26,7 @@ from recognition.decide.sense_judges import (
     senses_disagree,
     senses_together,
 )
-from recognition.decide.stroke_judges import (
+from recognition.decide.judges.strokes import (
     cut_characters,
     guessed_characters,
     missing_strokes,
