@@ -47,12 +47,6 @@ class VisionReader:
     """Makes evidence of photographs; keeps prototypes of fonts between them."""
 
     def __init__(self, settings: ReaderSettings | None = None) -> None:
-        """Load the fonts.
-
-        Raises:
-            FontError: a font cannot be loaded, or lacks characters that the format needs.
-            MarksError: `experts` lacks the network; only it reads photographs.
-        """
         self.settings = settings if settings is not None else ReaderSettings()
         if "network" not in self.settings.experts:
             raise MarksError(
@@ -105,14 +99,6 @@ class VisionReader:
     def _of_sizes(
         self, sizes: Iterator[Photo], request: LineRequest, codes: Sequence[Code], *, only_known: bool = False
     ) -> SenseEvidence:
-        """Evidence of a photograph at increasing sizes, until its characters have enough pixels.
-
-        Args:
-            sizes: the photograph at increasing sizes.
-            request: what is looked for.
-            codes: its codes.
-            only_known: look only at the smallest size for lines that are not known yet.
-        """
         about: tuple[TextLine, ...] = ()
         evidence: SenseEvidence | None = None
         for photo in sizes:

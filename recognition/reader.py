@@ -44,17 +44,6 @@ class Reader:
 
     @lists_options(ReaderSettings, ReaderOptions.__annotations__)
     def __init__(self, settings: ReaderSettings | None = None, /, **options: Unpack[ReaderOptions]) -> None:
-        """Check the settings and load the fonts; templates are made when a sense first needs them.
-
-        Args:
-            options: fields of `ReaderSettings`, in place of those of `settings`.
-
-        Raises:
-            FontError: a font that cannot be loaded, or that lacks what the format needs.
-            FormatError: a format that no serial meets.
-            TypeError: an option that there is not.
-            ValueError: a number out of range.
-        """
         self.settings = replace(settings or ReaderSettings(), **options)
         self._touch_settings = self.settings
         Repertoire(self.settings)
@@ -103,14 +92,9 @@ class Reader:
         Args:
             part: its height map, scan or photograph, or a simulated part. An array of floats is a map of heights in
                 mm, one of uint8 or uint16 a photograph.
-            more: others of the same part, one of a kind; any number of photographs.
-            pitch_mm: distance of the samples of an array; heights need it.
             soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
 
-        Raises:
-            MapError: a map that cannot be scanned, a soil on another grid, photographs of different sizes.
-            TypeError: something else, such as a file name.
-            ValueError: two height maps or scans, or heights without a pitch.
+        Raises MapError for a map that cannot be scanned, TypeError for anything else, ValueError without a pitch.
         """
         from recognition.decide.evidence import Evidence
         from recognition.surface import Surface
@@ -126,11 +110,7 @@ class Reader:
         return self.decide(Evidence(touch, vision))
 
     def feel(self, surface: Surface) -> SenseEvidence:
-        """Evidence by touch of a surface that the virtual array scans.
-
-        Raises:
-            MapError: a map that cannot be scanned, a soil on another grid.
-        """
+        """Evidence by touch of a surface that the virtual array scans. Raises MapError if it cannot be."""
         from recognition.surface import evidence_of_surface
 
         return evidence_of_surface(self.touch, surface)
@@ -146,21 +126,13 @@ class Reader:
         return self.vision.of_photo(photo)
 
     def decide(self, evidence: Evidence) -> Reading:
-        """Decide on the evidence of a part.
-
-        Raises:
-            VerifyError: the expected text cannot be verified.
-        """
+        """Decide on the evidence of a part. Raises VerifyError."""
         from recognition.decide.decide import decide
 
         return decide(evidence, self.settings)
 
     def fuse(self, touch: Reading, vision: Reading) -> Reading:
-        """Decide on the evidence of two readings of one part together.
-
-        Raises:
-            ValueError: a reading without evidence.
-        """
+        """Decide on the evidence of two readings of one part together. Raises ValueError for one without evidence."""
         if touch.evidence is None or vision.evidence is None:
             raise ValueError("only readings of this reader can be fused: others have no evidence")
         return self.decide(touch.evidence.joined(vision.evidence))
@@ -168,9 +140,7 @@ class Reader:
     def verify(self, reading: Reading, expected: str) -> Reading:
         """Decide again on a part that should read a text; the verdict is `reading.trace.verification`.
 
-        Raises:
-            ValueError: a reading without evidence.
-            VerifyError: a text that cannot be looked for.
+        Raises ValueError for a reading without evidence, VerifyError for a text that cannot be looked for.
         """
         if reading.evidence is None:
             raise ValueError("only readings of this reader can be verified: others have no evidence")

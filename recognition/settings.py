@@ -55,9 +55,6 @@ class ReaderSettings:
             the marks.
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
-        accept_risk: greatest share of wrong readings among those accepted. A sense accepts from the least score that
-            was tested to keep it (`recognition.decide.risk`), and nothing if there is none.
-        depth_rules: rules for the depth of the mark; a mark that breaks one is read, but goes to review.
         experts: names of `EXPERTS` that read (default: all).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
             (default: anywhere).
@@ -65,11 +62,6 @@ class ReaderSettings:
         orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
         limit_s: seconds after which a sense searches a part no further (default: no limit). A text whose search was cut
             short is not accepted.
-
-    Raises:
-        FormatError: a format that no serial meets.
-        MarksError: another risk than the usual one, which no sense keeps.
-        ValueError: a number out of range.
     """
 
     fonts: Sequence[str | Font] = ()
@@ -138,19 +130,9 @@ class ReaderSettings:
 
 
 class Repertoire:
-    """The fonts of a reader, and its search for lines.
-
-    Attributes:
-        fonts: the same; if none is named, the stand-ins.
-        strokes_of: `fonts` and the stand-ins, whose strokes are compared with the part's.
-    """
+    """The fonts of a reader, and its search for lines."""
 
     def __init__(self, settings: ReaderSettings) -> None:
-        """Load the fonts.
-
-        Raises:
-            FontError: a font cannot be loaded, or lacks characters that the format needs.
-        """
         named = settings.fonts or STAND_INS
         self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
         stand_ins = [load_font(font) for font in STAND_INS]

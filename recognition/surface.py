@@ -40,7 +40,6 @@ class Surface:
     """The surface of a part, and how it is felt.
 
     Attributes:
-        soil: dirt into which the tip sinks, and the part's friction, if known.
         rows_known: whether the order of its rows is known. If not, a serial that reads differently mirrored goes to
             review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
         feel: function that scans the surface (default: the virtual array of the reader by the default plan).
@@ -67,21 +66,13 @@ class Surface:
 
 
 def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence:
-    """Scan a surface, and make evidence of what is felt.
-
-    Args:
-        touch: makes evidence of scans; its time limit does not hold on a stage, whose seconds are limited.
-
-    Raises:
-        MapError: the map cannot be scanned, or the soil is on another grid.
-    """
+    """Scan a surface, and make evidence of what is felt; a stage has no time limit but `budget_s`. Raises MapError."""
     deadline = Deadline(None if surface.stage else touch.settings.limit_s)
     evidence = _feel_in_either_order(touch.until(deadline), surface)
     return evidence.logged(stopped=deadline.stopped)
 
 
 def _feel_in_either_order(touch: TactileReader, surface: Surface) -> SenseEvidence:
-    """Evidence of the surface; of the mirrored one, if the order of its rows is unknown and that reads more."""
     if surface.rows_known:
         return _feel(touch, surface)
     touch = touch.with_unknown_rows()
@@ -152,7 +143,6 @@ def _feel(touch: TactileReader, surface: Surface) -> SenseEvidence:
 
 
 def _surest(looks: Sequence[tuple[SenseEvidence, Reading]]) -> SenseEvidence:
-    """The evidence whose reading reads most, with the texts of the others."""
     surest, reading = max(looks, key=lambda look: look[1].nats_read)
     texts = {look.plain_text for _, look in looks if look.confidence > EVEN}
     others = texts.union(*(evidence.log.other_texts for evidence, _ in looks)) - {reading.plain_text}

@@ -50,11 +50,6 @@ class TactileReader:
     """Makes evidence of scans; keeps fonts and predicted templates between them."""
 
     def __init__(self, settings: ReaderSettings | None = None) -> None:
-        """Load the fonts.
-
-        Raises:
-            FontError: a font cannot be loaded, or lacks characters that the format needs.
-        """
         self.settings = settings if settings is not None else ReaderSettings()
         repertoire = Repertoire(self.settings)
         fonts, self.named = repertoire.fonts, repertoire.named
@@ -85,11 +80,7 @@ class TactileReader:
         about: TextLine | None = None,
         edges: EdgeMap | None = None,
     ) -> SenseEvidence:
-        """Evidence of a scan.
-
-        Args:
-            about: position of the line, if known; no other line is searched for.
-        """
+        """Evidence of a scan; if `about` is given, no other line is searched for."""
         times = times if times is not None else StepTimes()
         log = Log(scan_findings(scan), scan=scan, rows_known=self.request.rows_known)
         with times.step("see"):
@@ -159,7 +150,6 @@ class TactileReader:
     def _templates_of(
         self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT
     ) -> TemplateSet:
-        """Templates of a font's characters, predicted for the touch of a view."""
         # the height found differs from part to part, and each new height takes 0.5 s to predict
         height_mm = self.settings.height_mm or height_mm
         assert view.touch is not None  # a felt view has one
@@ -168,11 +158,7 @@ class TactileReader:
 
 
 def see_scan(scan: Scan, edges: EdgeMap | None = None) -> tuple[View, tuple[str, ...]]:
-    """View of a scan, and a note if it has no heights.
-
-    Raises:
-        MapError: nothing was felt, or the sweeps do not fit together.
-    """
+    """View of a scan, and a note if it has no heights. Raises MapError."""
     edges = edge_map(scan) if edges is None else edges
     try:
         return felt_view(edges, felt_relief(scan, edges), scan.touch), ()

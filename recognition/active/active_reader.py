@@ -58,14 +58,7 @@ TOUCHABLE = (
 
 @dataclass(frozen=True)
 class ActiveSettings:
-    """Settings of active touch.
-
-    Attributes:
-        until_sure: whether to stop as soon as the serial is sure; if not, only the policy or the budget ends touch.
-
-    Raises:
-        ValueError: the budget is not positive.
-    """
+    """Settings of active touch; without `until_sure` only the policy or the budget ends it."""
 
     budget_s: float = 20.0
     policy: Policy = field(default_factory=Greedy)
@@ -95,12 +88,7 @@ class ActiveReader:
     def read(
         self, session: StageSession, *, region_mm: Region | None = None, line: TextLine | None = None
     ) -> ActiveReading:
-        """Feel the part and read it; the session stays open.
-
-        Args:
-            region_mm: (x0, y0, x1, y1) around the line in the plate frame, if known; nothing else is felt or read.
-            line: line that the camera found; default region: the surroundings of this line.
-        """
+        """Feel and read the part near `line` or in `region_mm` (x0, y0, x1, y1), if known; the session stays open."""
         if region_mm is None and line is not None:
             region_mm = region_around(line, session.fitting.field_mm)
         return _Part(self, session, region_mm, line).read()
@@ -108,8 +96,6 @@ class ActiveReader:
 
 @dataclass
 class _Part:
-    """State of reading one part."""
-
     active: ActiveReader
     session: StageSession
     requested_mm: Region | None
@@ -160,7 +146,6 @@ class _Part:
         )  # fmt: skip
 
     def _make_steps(self) -> StopReason:
-        """Make steps until there is a reason to stop; return it."""
         settings = self.active.settings
         while True:
             chosen = self._next(left_s=settings.budget_s - self.progress.stage_s)
@@ -177,7 +162,6 @@ class _Part:
                 return ended
 
     def _judge(self, step: Step) -> StopReason | None:
-        """Look at the scan after a step, and make a full reading if it is due; return a reason to stop, or None."""
         until_sure = self.active.settings.until_sure
         # without early stopping, looks are only needed to find the region of the line
         look = self._look() if until_sure or self.region == self.fitting.field_mm else None
@@ -202,7 +186,6 @@ class _Part:
         return cheapest if cheapest.stage_s <= left_s else StopReason.BUDGET
 
     def _feel(self, step: Step) -> bool:
-        """Feel and keep the passes of a step; return whether all succeeded."""
         spent = self.progress.stage_s
         for order in step.passes:
             try:
@@ -231,7 +214,6 @@ class _Part:
         return look
 
     def _reading_is_due(self, look: Look | None) -> bool:
-        """Whether a full reading is due: a look is sure, several looks were unsure, or lines were missing."""
         if self.edges is None:
             return False
         if self.looks_since >= LOOKS_PER_READING:
@@ -256,7 +238,6 @@ class _Part:
         return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
 
     def _reading_of(self, evidence: SenseEvidence) -> Reading:
-        """The reading by touch alone, after the texts of earlier full readings."""
         reading = self.active.reader.reading_of(evidence)
         if reading.confidence > EVEN:
             self.texts.add(reading.plain_text)

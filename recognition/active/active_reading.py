@@ -30,12 +30,7 @@ class StopReason(WordedEnum):
 
 @dataclass(frozen=True)
 class PassFelt:
-    """A pass and the most probable text after it.
-
-    Attributes:
-        stage_s: stage time spent up to its end, s.
-        confidence: probability that the whole text is right; 0 before any text is read.
-    """
+    """A pass, the stage time up to its end, and the most probable text after it."""
 
     order: Pass
     stage_s: float
@@ -49,10 +44,8 @@ class ActiveReading:
     """The reading of a part, and the steps that led to it.
 
     Attributes:
-        reading: what touch alone reads in it; sent to review if the stage failed.
         steps: for each step its direction, its lines per half character height, and the confidence after it.
         sure_at_look: whether a full reading between two steps was sure and ended touch.
-        sweeps: raw moments of each pass.
     """
 
     evidence: SenseEvidence

@@ -28,11 +28,7 @@ _LEAST = 1e-4
 
 @dataclass(frozen=True)
 class WayGain:
-    """Coefficients of one way.
-
-    Attributes:
-        lines: factor of the way's lines so far, as a share of `MOST`.
-    """
+    """Coefficients of one way; `lines` is the factor of its lines so far, as a share of `MOST`."""
 
     usual: float
     new: float
@@ -41,13 +37,7 @@ class WayGain:
 
 @dataclass(frozen=True)
 class Gain:
-    """Expected gains of steps.
-
-    Attributes:
-        sure: factor of s.
-        surer: factor of s squared.
-        looks: factor of the binary logarithm of the number of looks.
-    """
+    """Expected gains of steps; `sure` is the factor of s, `surer` that of s squared."""
 
     ways: Mapping[Way, WayGain]
     sure: float

@@ -69,11 +69,7 @@ class Way(StrEnum):
 
 @dataclass(frozen=True)
 class Step:
-    """Passes that are felt before the next look.
-
-    Attributes:
-        lines: lines per half character height in this direction after the step.
-    """
+    """Passes that are felt before the next look; `lines` per half character height in this direction after it."""
 
     way: Way
     lines: int
@@ -90,11 +86,7 @@ class Step:
 def next_step(
     fitting: Fitting, region_mm: Region, way: Way, lines: int, *, joins: bool = False
 ) -> Step | None:
-    """Plan the next step in a direction; None if that direction is complete.
-
-    Args:
-        lines: lines per half character height that this direction has already.
-    """
+    """Plan the next step in a direction that has `lines` per half height already; None if that is complete."""
     if lines >= MOST:
         return None
     upto = lines + 1 if lines else JOINED if joins else FIRST
@@ -116,10 +108,7 @@ def between(k: int) -> float:
 def _stretch_to_cover(
     across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
 ) -> tuple[float, float]:
-    """Range across the travel that lines must cover: the region without the land at its edges.
-
-    Where the field cuts off one edge of a region, no land is left out at that edge.
-    """
+    """Range that lines must cover: the region without the land at edges that the field does not cut off."""
     cut = [abs(a - b) < 1e-6 for a, b in zip(across, field, strict=True)]
     low = across[0] + (0.0 if cut == [True, False] else rim_mm)
     high = across[1] - (0.0 if cut == [False, True] else rim_mm)

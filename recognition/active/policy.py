@@ -28,7 +28,6 @@ class Progress:
 
     Attributes:
         steady: number of consecutive looks just before the last that had its text and a confidence above 0.5.
-        steps: way of each step, and lines of that way after it.
     """
 
     fitting: Fitting
@@ -90,11 +89,7 @@ class Policy(Protocol):
 
 @dataclass(frozen=True)
 class Ladder:
-    """Steps in a fixed order.
-
-    Attributes:
-        rungs: ways in order, each with its final number of lines per half character height.
-    """
+    """Steps in a fixed order: ways, each with its final number of lines per half character height."""
 
     rungs: tuple[tuple[Way, int], ...]
 
@@ -108,11 +103,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Steps drawn at random, each direction equally likely; the first step is that of `Greedy`.
-
-    Attributes:
-        seed: seed of the draws; the n-th draw is the same for every part.
-    """
+    """Steps drawn at random, each direction equally likely, the same for every part; the first is that of `Greedy`."""
 
     seed: int
 
@@ -133,12 +124,6 @@ class Greedy:
     """Choose the step with the greatest gain per stage time; stop if none is worth its time.
 
     The gain is the chance that the serial is sure within the next `LOOKS_AHEAD` looks (`recognition.active.gain`).
-
-    Attributes:
-        worth_s: stage time that one more accepted serial is worth, s.
-
-    Raises:
-        ValueError: `worth_s` is not positive.
     """
 
     gain: Gain = field(default_factory=fitted_gain)

@@ -22,12 +22,7 @@ from recognition.see.view import View
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The best line and text after a step.
-
-    Attributes:
-        read: the line and its posteriors, by the recogniser alone.
-        others: whether other lines were found; with few scan lines, their text may not show yet.
-    """
+    """The best line and text after a step; with few scan lines, the text of `others` may not show yet."""
 
     read: ReadLine
     choice: Choice
@@ -55,11 +50,7 @@ class LineWatch:
         self._looks = count()
 
     def follow(self, line: TextLine | None, *, confidence: float, least: float = 0.05) -> None:
-        """Continue with the line of a full reading if its confidence is high enough.
-
-        Args:
-            least: confidence above which the line is followed: it is then seldom a wrong one.
-        """
+        """Continue with the line of a full reading from a confidence of `least`: it is then seldom a wrong one."""
         if line is not None and confidence > least:
             self.line, self.is_sure = line, True
 

@@ -34,10 +34,8 @@ class Choice:
     """The text that is chosen from the evidence, and what was measured for it.
 
     Attributes:
-        senses: senses that it rests on; the first one gives its places.
         alone: readings of each sense alone, if both have looked.
         lattice: posteriors of the places under the format; None if no line was found.
-        odds: log odds of the text by its posteriors.
     """
 
     senses: tuple[SenseEvidence, ...]

@@ -28,15 +28,7 @@ def decide(
     without: ReadingFlag | frozenset[Measure] = ReadingFlag.NONE,
     certify: bool = True,
 ) -> Reading:
-    """Decide on the evidence of a part.
-
-    Args:
-        without: flags that do not count, or measures that count as unknown, to see what each is worth.
-        certify: whether the certificate of the settings must cover the reading.
-
-    Raises:
-        VerifyError: the expected text cannot be verified.
-    """
+    """Decide on the evidence of a part; `without` flags or measures, to see what each is worth. Raises VerifyError."""
     start = time.perf_counter()
     flags, measures = (
         (ReadingFlag.NONE, without) if isinstance(without, frozenset) else (without, frozenset())

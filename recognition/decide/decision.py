@@ -36,11 +36,7 @@ def decision_of(
     flags: ReadingFlag,
     hopeless_share: float = 0.5,
 ) -> Decision:
-    """Accept, review or reject.
-
-    Args:
-        hopeless_share: least share of places that cannot be read for a part to be rejected.
-    """
+    """Accept, review or reject; parts of whose places `hopeless_share` cannot be read are rejected."""
     unread = sum(state is not None and state.state is CharacterState.NOT_READ for state in places)
     if unread >= hopeless_share * len(places):
         return Decision.REJECT
@@ -57,8 +53,6 @@ class Kind(Enum):
         SCORE: nothing was read, or the score is too low.
         EXPLANATION: why a score is low; breaks no contract by itself.
         MARK: a rule that the user set for the mark is broken; the part goes to review.
-        SCAN: samples are missing or wrong.
-        BENCH: a fault of whiskers or bench.
         STAGE: not all that was requested could be scanned; the part goes to review.
     """
 
@@ -161,11 +155,7 @@ EXPLANATIONS = ReadingFlag.of(Kind.EXPLANATION)
 
 @dataclass(frozen=True)
 class CertifiedAcceptance:
-    """Limits of a certificate for acceptance, in addition to the settings.
-
-    Attributes:
-        sources: sources of the certified readings: "tactile", "vision", "fused"; others are not accepted.
-    """
+    """Limits of a certificate for acceptance; readings of other `sources` are not accepted."""
 
     confidence: float
     sources: tuple[str, ...]
@@ -173,12 +163,7 @@ class CertifiedAcceptance:
 
 @dataclass(frozen=True)
 class Finding:
-    """A flag on one part.
-
-    Attributes:
-        flag: the problem; none for a note.
-        text: in words, with places and numbers: "too shallow for R: 7 at place 2 0.06 mm".
-    """
+    """A flag on one part, none for a note, in words: "too shallow for R: 7 at place 2 0.06 mm"."""
 
     flag: ReadingFlag
     text: str

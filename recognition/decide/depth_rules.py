@@ -30,11 +30,7 @@ class DepthWindow:
     """Allowed depths of characters of some height.
 
     Attributes:
-        least_mm: least depth below the flat surface, everywhere along every character; 0 for no limit.
-        most_mm: greatest depth; infinite for no limit.
-
-    Raises:
-        DepthRuleError: no limit, or a least value that is not below the greatest.
+        least_mm: least depth below the flat surface, everywhere along every character.
     """
 
     least_mm: float
@@ -56,11 +52,7 @@ class DepthWindow:
             )
 
     def is_for(self, height_mm: float, *, tolerance: float = 0.05) -> bool:
-        """Whether characters of this measured height may belong to the window.
-
-        Args:
-            tolerance: relative error of a measured height, by which the window's heights are widened.
-        """
+        """Whether characters of this measured height, with its relative error, may belong to the window."""
         low, high = self.heights_mm
         return low * (1.0 - tolerance) <= height_mm <= high * (1.0 + tolerance)
 
@@ -70,12 +62,7 @@ class DepthRule:
     """Limits of depth, burr and size that a mark must keep.
 
     Attributes:
-        least_height_mm: least height of the characters at the bottom of the marks (print size); 0 for no limit.
-        most_burr_mm: greatest height above the land of the rim beside the strokes; infinite for no limit.
-        source: standard that has the rule.
-
-    Raises:
-        DepthRuleError: limits out of range, or none at all.
+        least_height_mm: least height of the characters at the bottom of the marks (print size).
     """
 
     name: str
@@ -133,11 +120,7 @@ _HOW = "write it as press-7=0.05:0.15@0.8:2 burr=0.05 height=1.6, in mm"
 
 
 def depth_rule(text: str) -> DepthRule:
-    """Rule by name, or from text; blanks and case of a name are ignored.
-
-    Raises:
-        DepthRuleError: an unknown name, or text that is not a rule.
-    """
+    """Rule by name, or from text; blanks and case of a name are ignored. Raises DepthRuleError."""
     wanted = "".join(text.split()).upper()
     for rule in DEPTH_RULES:
         if rule.name.upper() == wanted:
@@ -167,9 +150,5 @@ def _parse_rule(text: str) -> DepthRule:
 
 
 def least_depth(min_depth_mm: float) -> DepthRule:
-    """Rule with only a least depth.
-
-    Raises:
-        DepthRuleError: not a positive number.
-    """
+    """Rule with only a least depth. Raises DepthRuleError unless it is positive."""
     return DepthRule("min_depth_mm", (DepthWindow(min_depth_mm),))

@@ -78,9 +78,7 @@ class Log:
     Attributes:
         rows_known: whether the order of the map's rows is known; of a photograph it is.
         photo: photograph, with others of the same part; of one with a region only the area around it.
-        whole_photo: the photograph that it was cropped from, if it was.
         other_texts: texts of other looks that were more likely right than wrong; the surest look was chosen.
-        stopped: why its search ended before it was complete; empty if it did not.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -102,11 +100,7 @@ class Log:
 
 @dataclass(frozen=True, eq=False)
 class SenseEvidence:
-    """Evidence of one sense.
-
-    Attributes:
-        views: what was looked at, the one that counts first; empty if there was nothing to see.
-    """
+    """Evidence of one sense; of its views, the one that counts comes first."""
 
     source: Source
     views: tuple[View, ...] = ()
@@ -142,9 +136,6 @@ class Evidence:
 
     Attributes:
         other_texts: texts that earlier readings of the part gave and that were more likely right than wrong.
-
-    Raises:
-        ValueError: no sense.
     """
 
     touch: SenseEvidence | None = None

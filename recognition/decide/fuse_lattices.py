@@ -45,16 +45,9 @@ def fitted_weights() -> FusionWeights:
 
 
 def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | None = None) -> Lattice:
-    """Combine the posteriors of both senses at the places of touch.
+    """Combine the posteriors of both senses at the places of touch, over the characters of either.
 
-    Args:
-        touch: posteriors; its places and boxes are the outcome's.
-
-    Returns:
-        Posteriors over the characters of either. What neither has read is "nothing readable".
-
-    Raises:
-        ValueError: other numbers of places.
+    What neither has read is "nothing readable". Raises ValueError for other numbers of places.
     """
     if touch.n_places != camera.n_places:
         raise ValueError(f"{touch.n_places} and {camera.n_places} places cannot be the same ones")
@@ -80,11 +73,7 @@ def contradict(touch: Lattice, camera: Lattice, *, sure: float = 0.97) -> bool:
 
 
 def lead_nats(lattice: Lattice, text: str, other: str) -> float:
-    """Log ratio of the probabilities of two texts by one sense; what it has not read counts for neither.
-
-    Args:
-        other: another text; infinitely less likely if it has another length or other characters.
-    """
+    """Log ratio of the probabilities of two texts by one sense; what it has not read counts for neither."""
     if len(other) != lattice.n_places or not set(other) <= set(lattice.chars):
         return math.inf
     belief, _ = relative_likelihood(lattice, lattice.chars)

@@ -71,7 +71,6 @@ def measure_text(
 
 
 def _with_marks(choice: Choice) -> Choice:
-    """The choice with the marks of its text, which are measured when they are first read."""
     marks = choice.sense.marks
     if marks is None or choice.lattice is None or choice.line is None or not choice.characters:
         return choice
@@ -94,11 +93,7 @@ def _if_of(kind: type[T], value: object) -> T | None:
 
 
 def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
-    """Whether an unreadable line is no text but dirt or land: hardly a stroke of it was felt.
-
-    Args:
-        least_felt: least share of strokes felt, mean of the characters.
-    """
+    """Whether an unreadable line is dirt or land: of its strokes, `least_felt` was felt in the mean."""
     unread = [
         place.state is not None and place.state.state is CharacterState.NOT_READ
         for place in choice.characters
@@ -192,12 +187,7 @@ def text_measures(
     same_text: bool | None = None,
     most_odds: float = 50.0,
 ) -> dict[Measure, float]:
-    """Return the measures of a text that a score needs.
-
-    Args:
-        same_text: whether each of both senses reads this text by itself; None for one sense.
-        most_odds: limit of the log odds, so that certainty is not a missing value.
-    """
+    """Return the measures of a text that a score needs; `same_text` of both senses, None for one."""
     measures = {
         Measure.ODDS: min(max(odds, -most_odds), most_odds),
         Measure.LEAST_SURE: min(places),
@@ -222,11 +212,7 @@ def photo_measures(photo: Photo | None) -> Group:
 
 
 def covered_share(places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25) -> float | None:
-    """Greatest share of the strokes of a rival that could not be felt; None without places.
-
-    Args:
-        deciding_heights: least length of the strokes that only a rival has, for them to count, character heights.
-    """
+    """Greatest share of a rival's own strokes, from `deciding_heights` on, that was not felt; None without places."""
     rivals = (rival for place in places for rival in place.rivals)
     covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
     return max(covered, default=0.0) if places else None
@@ -248,12 +234,7 @@ def stroke_measures(places: Sequence[PlaceStrokes]) -> Group:
 def land_measures(
     relief: Relief | None, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
 ) -> Group:
-    """Roughness of the land, in µm and relative to the marks' depth.
-
-    Args:
-        fine_mm: distance between the samples that are compared for fine roughness: grains.
-        coarse_mm: the same for coarse roughness: lumps.
-    """
+    """Roughness of the land, in µm and relative to the marks' depth, fine by grains and coarse by lumps."""
     if relief is None:
         return {}
     heights_um = 1e3 * relief.height_mm.astype(np.float64)
@@ -273,10 +254,6 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
     """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN if unknown.
 
     The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
-
-    Args:
-        surface: (rows, cols), NaN where unknown.
-        enough_samples: samples that are used of a larger surface; the error of their median is half a per cent.
     """
     # in a large picture every n-th row is enough for the median
     every = max(1, round(surface.size / enough_samples))

@@ -77,7 +77,6 @@ def reading_figure(reading: Reading, *, title: str = "", figure: Figure | None =
 
 
 def _is_long(reading: Reading) -> bool:
-    """Whether the part is at least twice as wide as high: then two panels fill a row, otherwise four."""
     photo, edges = reading.trace.photo, None if reading.touch is None else reading.touch.trace.edge_map
     shape = (0, 0) if photo is None else photo.shape
     rows, columns = shape if edges is None else edges.valid.shape
@@ -205,13 +204,11 @@ def _map(
 
 
 def _extent(shape: tuple[int, ...], pitch_mm: float, origin_mm: tuple[float, float] = (0.0, 0.0)) -> Extent:
-    """Edges of the pixels for imshow: left, right, bottom, top."""
     x0, y0 = origin_mm[0] - 0.5 * pitch_mm, origin_mm[1] - 0.5 * pitch_mm
     return (x0, x0 + shape[1] * pitch_mm, y0 + shape[0] * pitch_mm, y0)
 
 
 def _spread(values: NDArray[np.float32]) -> tuple[float, float]:
-    """Range of values without the outermost half per cent at either end."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return (-1.0, 1.0)

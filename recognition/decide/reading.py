@@ -51,10 +51,8 @@ class CharacterReading:
     """One place of the line; depth and grade are measured when they are first read.
 
     Attributes:
-        box: position (axis-parallel hull of the possibly rotated cell), mm.
-        depth: depth of the mark; None where it was not measured.
+        box: axis-parallel hull of the possibly rotated cell, mm.
         state: read, confused, not read or mismatch; None where it was not determined.
-        no_depth: why touch measured no depth; None with a depth, and without touch.
     """
 
     candidates: tuple[Candidate, ...]
@@ -90,13 +88,7 @@ class CharacterReading:
 
 @dataclass(frozen=True)
 class OtherLine:
-    """Another line of the part.
-
-    Attributes:
-        name: name in the request; empty for unassigned text.
-        may_be_serial: whether its text may fit the serial's format.
-        line: the line in the view that was read; None if not known.
-    """
+    """Another line of the part; one without a `name` in the request is unassigned text."""
 
     name: str
     text: str
@@ -117,15 +109,11 @@ class ReadingTrace:
     """Intermediate results of a reading; None where a step was not reached. Strokes are compared when first read.
 
     Attributes:
-        edge_map: edge map that was read, in the plate frame; None for vision.
         lattice: posteriors of the places, of the characters that the format allows at each; None for a fused reading.
         open_lattice: posteriors without the format; None where they were not computed.
-        odds: log odds of the text by recogniser, templates and format; None where no text was read.
         evidence: log probability of all texts that the format allows; None where it was not computed.
         faces: probability of each face of the library, and of each named font, that the text is in it; under the empty
             name that it is in none. Empty without such a comparison.
-        laid: text of touch, fitted to the line in a font; None without heights, or if no font fits.
-        strokes: felt strokes, place by place, of the characters read and their rivals; empty if unknown.
     """
 
     edge_map: EdgeMap | None = None
@@ -161,19 +149,12 @@ class Reading:
     """The reading of one part; font, height, rotation and measures are determined when they are first read.
 
     Attributes:
-        confidence: probability that the whole text is right, 0 to 1 (`recognition.decide.score`).
         font: font along whose strokes the marks are graded, or else the most probable face of the library
             (`ReadingTrace.faces`); empty if none fits.
         height_mm: character height found, in `unit`.
-        box: the whole line; None when none was found.
-        source: "tactile", "vision" or "fused".
         spaces_after: places, from 0, that a word gap follows.
-        notes: further notes, such as "read by touch alone".
         unit: unit of height and boxes: "mm", or "px" (pixels of the original photograph) if the scale is unknown.
-        photos: number of photographs that were read; 0 for touch alone.
-        accept_risk: greatest share of wrong readings among those accepted; None if it is not known.
         threshold: least confidence for acceptance, which keeps that risk; None if none is required.
-        evidence: what it was decided on; None for a reading of another program.
     """
 
     characters: tuple[CharacterReading, ...]
@@ -287,10 +268,7 @@ class Reading:
         return f"<div><p>{escape(str(self))}</p><table>{body}</table><ul>{notes}</ul></div>"
 
     def plot(self, *, title: str = "") -> Figure:
-        """Draw all measurements, boxes and candidates as a matplotlib figure.
-
-        In an interactive session, `matplotlib.pyplot.show()` displays it.
-        """
+        """Draw all measurements, boxes and candidates; in a session, `matplotlib.pyplot.show()` displays the figure."""
         import matplotlib.pyplot as plt
 
         from recognition.decide.picture import reading_figure

@@ -48,11 +48,7 @@ def risk_findings(source: str, risk: float) -> tuple[Finding, ...]:
 
 
 def require_kept(risk: float, sources: Sequence[str] = SOURCES) -> None:
-    """Check that one of these sources keeps the risk.
-
-    Raises:
-        MarksError: none does, so that nothing would be accepted.
-    """
+    """Check that one of these sources keeps the risk. Raises MarksError: nothing would be accepted."""
     if all(threshold_of(source, risk) is None for source in sources):
         subject = f"{SENSE_NAMES[sources[0]]} cannot" if len(sources) == 1 else "no sense can"
         steps = (*_larger_risk(sources), "certify your own parts for less")

@@ -13,11 +13,7 @@ _ODDS = re.compile(r"(\d+)\s*(?:/|in)\s*(\d[\d,]*)", re.IGNORECASE)
 
 
 def parse_risk(text: str) -> float:
-    """Parse a risk written as 0.001, 1/1000 or 1 in 1,000.
-
-    Raises:
-        ValueError: it is none of these, or does not lie between 0 and 1.
-    """
+    """Parse a risk written as 0.001, 1/1000 or 1 in 1,000. Raises ValueError."""
     odds = _ODDS.fullmatch(text.strip())
     try:
         return check_risk(float(text) if odds is None else int(odds[1]) / int(odds[2].replace(",", "")))
@@ -26,22 +22,14 @@ def parse_risk(text: str) -> float:
 
 
 def check_risk(risk: float) -> float:
-    """Return the risk.
-
-    Raises:
-        ValueError: it does not lie between 0 and 1.
-    """
+    """Return the risk. Raises ValueError if it does not lie between 0 and 1."""
     if not 0.0 < risk < 1.0:
         raise ValueError(f"accept_risk is {risk}; it lies between 0 and 1")
     return risk
 
 
 def risk_in_words(risk: float, *, rounding: float = 0.01) -> str:
-    """Write a risk as "1 in 1,000".
-
-    Args:
-        rounding: greatest relative error of the written number; a risk that needs more is written as a decimal.
-    """
+    """Write a risk as "1 in 1,000"; one that would need more rounding than this is written as a decimal."""
     parts = round(1.0 / risk)
     return (
         f"1 in {parts:,}" if parts > 1 and math.isclose(parts * risk, 1.0, rel_tol=rounding) else f"{risk:g}"

@@ -67,11 +67,7 @@ class RiskError(MarksError):
 
 @dataclass(frozen=True)
 class Term:
-    """Contribution of one measure: piecewise linear, constant beyond the ends.
-
-    Attributes:
-        points: values, rising, and the log odds that each adds, either rising or falling.
-    """
+    """Contribution of one measure: log odds at rising values, piecewise linear, constant beyond the ends."""
 
     points: Sequence[tuple[float, float]]
 
@@ -88,7 +84,6 @@ class RiskThreshold:
     """The threshold of a risk, and the readings of left-out generators that showed it.
 
     Attributes:
-        accepted: number of readings with at least this score that broke no contract.
         bound: upper bound of the share of wrong ones, one-sided, 95 %.
     """
 
@@ -101,12 +96,7 @@ class RiskThreshold:
 
 @dataclass(frozen=True)
 class Score:
-    """Score of one source of readings.
-
-    Attributes:
-        terms: terms by measure; that of the log odds of the text must be among them, and rise.
-        thresholds: tested thresholds, the strictest risk last.
-    """
+    """Score of one source of readings, by terms; its tested thresholds end with the strictest risk."""
 
     source: str
     bias: float
@@ -123,12 +113,7 @@ class Score:
         return self.probability({Measure.ODDS: log_odds(belief)})
 
     def threshold(self, risk: float) -> float:
-        """Least score of readings that keep a risk: the share of wrong ones among those that are accepted.
-
-        Raises:
-            RiskError: readings of this source were not shown to keep this risk at any score.
-            ValueError: the risk does not lie between 0 and 1.
-        """
+        """Least score of readings that keep a risk. Raises RiskError: it was not shown to be kept at any score."""
         tested = [test.threshold for test in self.thresholds if test.risk <= check_risk(risk)]
         if not tested:
             raise RiskError(

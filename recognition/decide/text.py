@@ -79,10 +79,7 @@ def _text_of_both(
 
 
 def _fused(felt: Lattice | None, seen: Lattice | None) -> Lattice | None:
-    """Combined posteriors of both senses; None if they have not read equally many places.
-
-    Equally many count as the same places, because both senses read the line with the format, or the only one.
-    """
+    """Combined posteriors; equally many places count as the same, as both read the line with the format."""
     if felt is None or seen is None or felt.n_places != seen.n_places:
         return None
     return fuse_lattices(felt, seen)

@@ -41,11 +41,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class CharacterCheck:
-    """One expected character, or one extra place.
-
-    Attributes:
-        state: state of the place, with the character expected there; that is empty for a place that is left over.
-    """
+    """One expected character, or one extra place where none is expected."""
 
     place: int | None
     state: PlaceState
@@ -67,8 +63,6 @@ class Verification:
     Attributes:
         probability: probability of the expected text, or the score of a reading that is accepted with it; 0 if the
             number of characters differs.
-        refutation: probability that at least one character is clearly another.
-        characters: checks in the order of the text; places left over come where they were found.
     """
 
     expected: str
@@ -115,13 +109,10 @@ def verify(
     expected ones.
 
     Args:
-        contradicted: whether two senses are sure of different characters; then nothing is confirmed.
-        accepted: score of a reading that is accepted with the expected text; 0 if there is none.
         least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED without an accepted reading.
             If any character mismatches, nothing is confirmed.
 
-    Raises:
-        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks.
+    Raises VerifyError.
     """
     if lattice is None:
         lattice = Lattice((), np.zeros((0, 0)))
@@ -163,14 +154,7 @@ def verify(
 
 
 def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tuple[int | None, str]]:
-    """Align places with expected characters; None or "" stands for a missing partner.
-
-    If there are equally many, they are paired one to one; else by the alignment with the largest product of
-    posteriors.
-
-    Args:
-        missing: likelihood of a place or an expected character that is left over, if their numbers differ.
-    """
+    """Align places with expected characters by the greatest product of posteriors; None or "" is left over."""
     n, m = lattice.n_places, len(text)
     if n == m:
         return list(enumerate(text))

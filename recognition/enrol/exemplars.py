@@ -76,9 +76,8 @@ def cut_height_map(
 ) -> tuple[Cut, ...]:
     """Cut out the characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
 
-    Raises:
-        ExemplarError: as in `cut_scan`, or no characters to be seen.
-        MapError: a map that cannot be scanned, a soil on another grid.
+    Raises ExemplarError: as in `cut_scan`, or no characters to be seen; MapError: a map that cannot be scanned, a soil
+    on another grid.
     """
     height_map, soil = square_to_plate(height_map, soil)
     levelled, feel = level(height_map), virtual_feel(soil=soil)
@@ -110,15 +109,11 @@ def cut_scan(
 ) -> tuple[Cut, ...]:
     """Cut out the characters of a recorded scan.
 
+    Returns one exemplar per character, in order, without those of which too little was felt. Raises ExemplarError: no
+    text, no heights, or no marks that it fits; MapError: a scan that makes no edge map.
+
     Args:
         least_likely: geometric mean posterior per character, below which the text is taken not to fit the marks.
-
-    Returns:
-        One exemplar per character, in order, without those of which too little was felt.
-
-    Raises:
-        ExemplarError: no text, no heights, or no marks that it fits.
-        MapError: a scan that makes no edge map.
     """
     edges = edge_map(scan)
     relief, plain = relief_of(scan, edges), "".join(text.split())
@@ -155,7 +150,6 @@ def cut_scan(
 
 
 def _stands_out(strip: Layers) -> bool:
-    """Whether a line is raised: its marks, the smaller part of its strip, stand above the land."""
     known = strip[KNOWN] > 0.0
     heights = strip[HEIGHTS][known]
     if heights.size == 0:
@@ -217,7 +211,6 @@ def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap
 def _own_shape(
     felt: Floats, height_mm: float, bounds: Floats, *, least_known: float = 0.7
 ) -> NDArray[np.float32] | None:
-    """Return a cell within its bounds, in character heights; None where less than a share of its middle was felt."""
     middle = felt[np.ix_(np.abs(DOWN) < 0.5, np.abs(ACROSS) < 0.3)]
     if np.isfinite(middle).mean() < least_known:
         return None
@@ -265,7 +258,6 @@ def _over_land(
 
 
 def _ink_box(felt: Floats, bounds: Floats, height_mm: float, *, ink_share: float = 0.5) -> Floats:
-    """Box (u0, v0, u1, v1) of a mark at the land, mm from the cell's middle; NaN without ink."""
     u, v = ACROSS * height_mm, DOWN * height_mm
     depth = np.where((u > -bounds[0]) & (u < bounds[1]), -np.nan_to_num(felt), 0.0)
     deep = float(np.percentile(depth[np.abs(DOWN) < 0.5], DEEP_PERCENT))

@@ -112,16 +112,15 @@ def learn_font(
 ) -> Learned:
     """Learn a font from exemplars.
 
+    Raises ExemplarError: no known font, exemplars of different sizes, or none with a mark on it; without vouching, no
+    character with enough exemplars that agree.
+
     Args:
         reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
             not known (`recognition.enrol.exemplars.Cut.relief`).
         known: known fonts; the nearest one provides characters that were never felt.
         vouching: whether it may vouch for exemplars with fewer than `FEWEST_SIBLINGS` that agree; else these teach
             nothing.
-
-    Raises:
-        ExemplarError: no known font, exemplars of different sizes, or none with a mark on it; without
-            vouching, no character with enough exemplars that agree.
     """
     if not known:
         raise ExemplarError("no known font is given", hint="name one for the characters never felt")
@@ -172,7 +171,6 @@ def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
 
 
 def _glyphs(shapes: Mapping[str, Patch], hand: Hand, size: tuple[int, ...]) -> Iterator[tuple[str, Glyph]]:
-    """The felt characters, and the others from the known font."""
     for char in dict.fromkeys([*hand.font.glyphs, *shapes]):
         base, patch = hand.font.glyphs.get(char), shapes.get(char)
         guess = patch is None and not hand.is_own
@@ -219,7 +217,6 @@ def _is_credible(
 
 
 def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
-    """Trim a relief to its character: samples far from its ink become land."""
     ink = patch < -OUTLINE_SHARE * depth_of(patch)
     labels, _ = ndimage.label(ink)
     sizes = np.bincount(labels.ravel())
@@ -235,7 +232,6 @@ def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
 
 
 def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Glyph | None:
-    """Make the glyph of a relief, with its outline; None if nothing is sunk."""
     from skimage.measure import find_contours
 
     from glyphs.opencv import cv2
@@ -315,7 +311,6 @@ def _best_stroke(
 
 
 def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, depth: float) -> Patch:
-    """Distance from the ink of a known character, widened, on the grid of a cut; character heights."""
     height = CANONICAL_HEIGHT_MM
     die = default_die(height, font=font, depth_mm=depth * height)
     shape = die_glyph(font.glyph(char), die, height_mm=height)
@@ -326,7 +321,6 @@ def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, dep
 
 
 def _struck(distance: Patch, *, depth: float, grow: float, soften: float) -> Patch:
-    """Relief of an ink shape, its outline moved outwards, its edges softened; character heights."""
     relief = relief_mm(distance - np.float32(grow), default_die(1.0, depth_mm=depth))
     return ndimage.gaussian_filter(relief, soften * RELIEF_PIXELS) if soften else relief
 

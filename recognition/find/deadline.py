@@ -6,18 +6,9 @@ from time import monotonic
 
 
 class Deadline:
-    """Time from which a part is not looked at any more.
-
-    Attributes:
-        stopped: why the search ended before it was complete; empty if nothing was left out.
-    """
+    """Time from which a part is not looked at any more; `stopped` is then why."""
 
     def __init__(self, limit_s: float | None = None) -> None:
-        """Start with a part.
-
-        Args:
-            limit_s: seconds from now (default: no limit).
-        """
         self.stopped = ""
         self._limit_s, self._start_s = limit_s, monotonic()
 

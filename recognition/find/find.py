@@ -61,7 +61,6 @@ def find(
     Args:
         views: views of the part in one frame, under different lights. Those after the first are read if the ones before
             are not enough.
-        request: what is looked for.
         about: positions of the part's lines, that of the serial first, if they are known.
         twice: look a second time even if one look is sure: templates need accurate places.
     """
@@ -106,16 +105,6 @@ def _read_closely(
     always: bool = False,
     twice: bool = False,
 ) -> ReadLine:
-    """Read a line again under its grammar: from one look if that is sure, otherwise from several.
-
-    Args:
-        search: search of the view in which the line was read.
-        best: the line.
-        grammar: its format.
-        others: searches of the part under other lights.
-        always: whether to look several times even if one look is sure.
-        twice: whether to look at least twice.
-    """
     if not best.is_text:
         looks = []
     elif always or not best.is_agreed:
@@ -165,12 +154,6 @@ def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]
 
 
 def _serial_of(main: ReadLine, grammar: Grammar | None, *, least_places: int = 4, sure: float = 0.9) -> str:
-    """Text of the serial's line; empty if it may be none.
-
-    Args:
-        least_places: length from which a line without a format is text even if it is unsure.
-        sure: probability from which a shorter one is.
-    """
     choice = choose(main.lattice, grammar, k=1)
     short = grammar is None and len(choice.text) < least_places and choice.probability < sure
     return choice.text if main.is_text and not short else ""
@@ -179,11 +162,7 @@ def _serial_of(main: ReadLine, grammar: Grammar | None, *, least_places: int = 4
 def _line_named(
     search: Search, lines: Iterable[ReadLine], wanted: LineFormat, *, least_evidence: float = -4.0
 ) -> ReadLine | None:
-    """Line that matches a format and region; None if none does.
-
-    Args:
-        least_evidence: log probability of the format above which a line is the requested one.
-    """
+    """Line whose log probability of a format, in a region, is `least_evidence` or more; None if there is none."""
     fits = [
         read
         for line in lines
@@ -199,14 +178,7 @@ def _line_named(
 def _places(
     view: View, candidates: Iterable[ReadLine], *, most_candidates: int = 4, most_across: float = 0.9
 ) -> tuple[TextLine, ...]:
-    """The first few lines that do not overlap, without those across the whole view.
-
-    Args:
-        view: view of the part.
-        candidates: lines that may be the serial's, most promising first.
-        most_candidates: most lines.
-        most_across: greatest length of a line, as a share of the view's width.
-    """
+    """The first few lines that do not overlap, without those across the whole view."""
     places: list[ReadLine] = []
     for line in candidates:
         across = line.line.length_mm > most_across * view.size_mm[0]
@@ -216,22 +188,13 @@ def _places(
 
 
 def apart(line: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
-    """Whether two lines are different ink: there is room for the characters of both, one line above the other.
-
-    Args:
-        room: distance of two lines' middles, as a share of both heights, below which they are the same ink.
-    """
+    """Whether two lines are different ink: `room` of both heights lies between their middles."""
     band_mm = room * (line.line.height_mm + other.line.height_mm)
     return not any(overlap(a, b, band_mm=band_mm) for a, b in permutations((line.line, other.line)))
 
 
 def is_clear_text(line: ReadLine, *, least_belief: float = 0.8, least_places: int = 3) -> bool:
-    """Whether a line can be read as any text.
-
-    Args:
-        least_belief: least mean probability of the characters.
-        least_places: least number of places.
-    """
+    """Whether a line can be read as any text."""
     lattice, _ = line.open_places
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
     return lattice.n_places >= least_places and float(best.mean()) > least_belief

@@ -42,7 +42,6 @@ class FoundLine:
     """A candidate line.
 
     Attributes:
-        line: its position, taken as straight.
         bent: its position along an arc; None if it hardly bends.
         score: sum of the probabilities of its cells times their area in square character heights.
     """
@@ -65,14 +64,7 @@ def find_lines(
     faint: bool = False,
     turned_deg: float = 0.0,
 ) -> list[FoundLine]:
-    """Find the lines of a view, most promising first.
-
-    Args:
-        view: the view; lines within some 30 degrees of level are found.
-        height_mm: height of the characters, if known.
-        faint: accept weaker lines.
-        turned_deg: look for lines turned by about this angle, clockwise as seen, instead of level ones.
-    """
+    """Find the lines of a view within some 30 degrees of `turned_deg`, most promising first, also faint ones."""
     if turned_deg:
 
         def back(line: TextLine) -> TextLine:
@@ -91,11 +83,7 @@ def find_lines(
 
 
 def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> TextLine:
-    """Limit a line's height to the tolerance of marks about the known height.
-
-    Args:
-        nominal: greatest ratio between the line's height and the known one.
-    """
+    """Limit a line's height to the tolerance of marks about the known height."""
     return TextLine(line.centre_mm, float(np.clip(line.height_mm, height_mm / nominal, height_mm * nominal)))
 
 
@@ -108,14 +96,7 @@ def _join(
     level: float = 0.4,
     broken: float = 6.0,
 ) -> FoundLine | None:
-    """Join two pieces of a line that dirt has broken; None if they do not belong together.
-
-    Args:
-        alike: greatest logarithm of the ratio of the pieces' heights.
-        parallel_deg: greatest angle between them, degrees.
-        level: greatest distance of their middles across the line, character heights.
-        broken: greatest gap between them, character heights.
-    """
+    """Join two pieces of a line that dirt has broken, all limits in character heights; None if they do not fit."""
     a, b = piece.line, other.line
     height = 0.5 * (a.height_mm + b.height_mm)
     if abs(math.log(a.height_mm / b.height_mm)) > alike or abs(a.turned_deg - b.turned_deg) > parallel_deg:
@@ -160,14 +141,7 @@ def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
 def joined_cells(
     cells: NDArray[np.float32], pitch_mm: float, origin_mm: tuple[float, float], *, least: float
 ) -> list[FoundLine]:
-    """Join cells to lines.
-
-    Args:
-        cells: (FINDINGS, rows, columns) of the cells.
-        pitch_mm: size of a pixel; a cell is CELL pixels.
-        origin_mm: x, y of the first pixel.
-        least: probability above which a cell counts as the middle of a line.
-    """
+    """Join (FINDINGS, rows, columns) of cells to lines; from `least` a cell is the middle of a line."""
     belief = 1.0 / (1.0 + np.exp(-cells[0]))
     # join the words of a line: cells up to a gap apart
     reach = max(1, round(_GAP * FINDER_ROWS / CELL / 2))
@@ -216,13 +190,7 @@ def _line(
 
 
 def overlap(line: TextLine, other: TextLine, *, band_mm: float | None = None) -> bool:
-    """Whether two lines are the same ink: half of the first lies within the other's band.
-
-    Args:
-        line: a line.
-        other: line with the band.
-        band_mm: reach of the band to either side of its middle (default: 0.6 of the greater height).
-    """
+    """Whether two lines are the same ink: half of the first lies within `band_mm` of the other's middle."""
     band_mm = 0.6 * max(line.height_mm, other.height_mm) if band_mm is None else band_mm
     # no point of a curve is further than half its length from the middle between its ends
     apart = np.subtract(*(each.centre_mm[[0, -1]].mean(axis=0) for each in (line, other)))

@@ -41,14 +41,7 @@ class NothingFeltError(MapError):
 def virtual_feel(
     array: VirtualArray = USUAL_ARRAY, *, soil: Soil | None = None, part_id: str = "", **plan: Any
 ) -> Feel:
-    """Make a function that scans with the virtual array and the default plan for a character height.
-
-    Args:
-        array: the array.
-        soil: dirt into which the tip sinks, and the part's friction, if known.
-        part_id: name of the part.
-        plan: further arguments of `whisker_array.whisker.array.default_plan`.
-    """
+    """Make a function that scans with the virtual array and the default plan, or `plan`, for a character height."""
 
     def feel(surface: HeightMap, height_mm: float) -> Scan:
         bench = VirtualBench(surface, height_mm, array, soil, part_id=part_id)
@@ -70,19 +63,11 @@ def felt_heights_mm(
 ) -> list[float]:
     """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
 
-    Args:
-        request: lines that are looked for.
-        surface: the part, level.
-        array: the virtual array.
-        soil: dirt into which the tip sinks, and the part's friction, if known.
         feel: function that scans the surface (default: the array by a coarse plan).
-        most: greatest number of heights; the part is scanned for one after the other until a reading is accepted.
         first_lines: lines per height of `FIRST_HEIGHT_MM` of the coarse plan; characters half as high still have
             thirteen.
 
-    Raises:
-        MapError: a map that cannot be scanned or is too small for characters, a soil on another grid.
-        NothingFeltError: the first pass has felt nothing.
+    Raises MapError for a map that cannot be scanned, NothingFeltError if nothing was felt.
     """
     if request.height_mm:
         return [request.height_mm]

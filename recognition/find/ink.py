@@ -37,24 +37,14 @@ def on_ink(
 ) -> tuple[TextLine, ...]:
     """Move, turn and bend a line onto the ink of its places; return it with its old height and with that of its ink.
 
-    Args:
-        view: view that was read.
-        line: the line that was found.
-        columns: (places,) columns of the characters in its strip.
-        height_known: whether the line already has the right height.
         rows: rows of the strip that is examined; a line may lie half a height off.
-        half_place: reach to either side of a place within which its ink is measured, heights.
         usual_spread: standard deviation of ink down a character, heights: of clean characters of three fonts, at
             their true positions.
-        least_off: least distance of the ink from the line, heights, for which the line is moved.
         least_change: least change of the logarithm of the height; fonts differ by less.
-        most_size: greatest ratio by which the height is changed.
         land_percent, edge_percent: percentiles of the slopes; below the first is land, above the second is clipped.
         scatter: scatter of the middles of characters about their line, heights; those further off count less.
-        least_sag: least sag that counts as a bend, heights.
 
-    Returns:
-        No line if no ink is seen or it already lies on the line; one line if the height suits; otherwise two.
+    Returns no line if no ink is seen or it already lies on the line; one line if the height suits; otherwise two.
     """
     offsets, spreads = _ink(view.strip(line, rows=rows), columns, half_place, land_percent, edge_percent)
     seen = np.isfinite(offsets)

@@ -39,12 +39,7 @@ class LayoutKind(StrEnum):
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout in which a part reads well.
-
-    Attributes:
-        kind: kind of layout.
-        texts: text of the serial, or of both its lines.
-    """
+    """A layout in which a part reads well, with the text of the serial, or of both its lines."""
 
     kind: LayoutKind
     texts: tuple[str, ...]
@@ -61,9 +56,6 @@ def other_layout(
     """Find another layout in which a doubtful part reads well.
 
     Args:
-        search: search of the view in which the lines were read.
-        main: the line of the serial.
-        candidates: other places that look like it.
         doubtful: probability of the serial's text below which a part is doubtful; one in another layout has hardly
             more than 0.1.
         least_places: number of characters without a format below which they may be a piece of a column.
@@ -89,11 +81,7 @@ def other_layout(
 def _layouts(
     search: Search, main: ReadLine | None, lines: Sequence[TextLine], *, least_gain_nats: float = 2.0
 ) -> Iterator[Layout]:
-    """Layouts in which the part reads well.
-
-    Args:
-        least_gain_nats: promise by which a line in another layout must exceed the one that was read.
-    """
+    """Layouts whose line exceeds the promise of the one that was read."""
     limits, grammar = search.request.limits, search.request.grammar
     least = least_gain_nats + (0.0 if main is None else promise_of(main))
 
@@ -119,13 +107,7 @@ def _layouts(
 def _columns(
     pieces: Sequence[TextLine], *, least_pieces: int = 3, aligned: float = 0.6
 ) -> list[tuple[TextLine, tuple[int, ...]]]:
-    """Column through lines below each other, which may be its characters, and its number of places.
-
-    Args:
-        pieces: lines of a part, the most promising first.
-        least_pieces: least number of lines in a column.
-        aligned: greatest distance of a line's middle from the column, character heights.
-    """
+    """Column through lines below each other, which may be its characters, and its number of places."""
     if len(pieces) < least_pieces:
         return []
     middles = np.array([line.centre_mm.mean(axis=0) for line in pieces])
@@ -148,15 +130,7 @@ def _two_lines(
     alike: float = 1.6,
     clear: float = 0.8,
 ) -> Iterator[Layout]:
-    """The first two lines, one above the other, whose texts fit the format together.
-
-    Args:
-        search: search of the view.
-        lines: places that look like a line.
-        least_step: least distance from one line down to the other, character heights.
-        alike: greatest ratio of the heights of their characters.
-        clear: least mean probability of the characters of each.
-    """
+    """The first two lines, one above the other, whose texts fit the format together."""
     grammar = search.request.grammar
     if grammar is None:
         return
@@ -180,15 +154,6 @@ def _laid_side_by_side(
     """Cut a line that runs up or down into its characters, and lay them side by side from the top.
 
     It is cut where there is land between the characters, and into equal pieces.
-
-    Args:
-        view: view of the part.
-        line: line that was found.
-        lengths: possible numbers of characters.
-        usual_gap: land between two characters in equal pieces, character heights.
-
-    Yields:
-        The view of the pieces, and lines through them; nothing if the line does not run up or down.
     """
     if not 60.0 <= abs(line.turned_deg) <= 120.0:
         return
@@ -223,16 +188,7 @@ def _tiles(
     alike: float = 1.6,
     margin: float = 0.4,
 ) -> tuple[View, list[TextLine]] | None:
-    """Lay pieces of a column side by side; None if they are too few or unlike.
-
-    Args:
-        view: view that is cut.
-        band: (LAYERS, rows, columns) the column.
-        pieces: first and last row of each character.
-        least_pieces: least number of characters of a column.
-        alike: greatest ratio of a piece's height and the usual one.
-        margin: land around a character, character heights.
-    """
+    """Lay pieces of a column side by side; None if they are too few or unlike."""
     highs = np.array([last - first for first, last in pieces], dtype=np.float64)
     usual = float(np.median(highs))
     if highs.size < least_pieces or usual < 4.0 or np.abs(np.log(highs / usual)).max() > math.log(alike):
@@ -251,13 +207,7 @@ def _tiles(
 
 
 def _inked_rows(band: Layers, *, least_ink: float = 0.15, closed: float = 0.06) -> list[tuple[int, int]]:
-    """First and last row of each stretch of ink down a column.
-
-    Args:
-        band: (LAYERS, rows, columns) the column.
-        least_ink: ink of a row, relative to an inked one, from which it is no land.
-        closed: gaps within a character that are closed, widths of the column.
-    """
+    """First and last row of each stretch of ink down a column (LAYERS, rows, columns)."""
     surface = band[HEIGHTS] if band[HEIGHTS].any() else band[GREY]
     slope = np.hypot(*np.gradient(surface)) * band[KNOWN]
     ink = np.minimum(slope, np.percentile(slope, 98.0)).mean(axis=1)

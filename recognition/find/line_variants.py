@@ -41,15 +41,7 @@ def whole_view(view: View) -> list[TextLine]:
 def anywhere(
     view: View, *, height_mm: float | None = None, blind_step: float = 0.6, most_blind: int = 10
 ) -> list[TextLine]:
-    """Lines to try across a view in which none was found.
-
-    Args:
-        view: the view.
-        height_mm: height of the characters, if known.
-        blind_step: spacing of the lines if the height is known, character heights.
-        most_blind: maximum number of lines tried; characters lower than 1 / `most_blind` of the view are not looked
-            for.
-    """
+    """Lines to try across a view in which none was found; their spacing is in character heights, if known."""
     if height_mm is None:
         return _across(view, BLIND)
     share = height_mm / view.size_mm[1]
@@ -77,13 +69,7 @@ def longer(line: TextLine) -> list[TextLine]:
 
 
 def bend(line: TextLine, sag: float, *, points: int = 33) -> TextLine:
-    """Bend a line to a parabola about its mean position.
-
-    Args:
-        line: the line.
-        sag: how much lower the ends lie than the middle, character heights; negative if they lie higher.
-        points: number of points of the curve.
-    """
+    """Bend a line to a parabola whose ends lie `sag` character heights lower than its middle."""
     shares = np.linspace(0.0, 1.0, points)
     down = sag * line.height_mm * ((2.0 * shares - 1.0) ** 2 - 1.0 / 3.0)
     return TextLine(moved_across(points_along(line, shares), down), line.height_mm)
@@ -103,13 +89,7 @@ def is_same_place(
     most_along: float = 0.25,
     most_size: float = 0.06,
 ) -> bool:
-    """Whether two lines lie so near that the recogniser sees the same.
-
-    Args:
-        line, other: the lines.
-        most_across, most_along: greatest distance of their ends and middles across and along, character heights.
-        most_size: greatest logarithm of the ratio of their heights.
-    """
+    """Whether two lines lie so near, in character heights, that the recogniser sees the same."""
     if abs(math.log(line.height_mm / other.height_mm)) > most_size:
         return False
     shares = np.array([0.0, 0.5, 1.0])

@@ -12,32 +12,16 @@ from recognition.see.view import Layers, View
 
 
 class Looks:
-    """Posteriors along lines, kept while a part is read.
-
-    Attributes:
-        count: runs of the recogniser.
-        most: most runs of the recogniser.
-        deadline: time limit of the part.
-    """
+    """Posteriors along lines, kept while a part is read; `count` runs of at most `most` until the deadline."""
 
     def __init__(self, *, most: int | None = None, deadline: Deadline | None = None) -> None:
-        """Start with a part.
-
-        Args:
-            most: most runs of the recogniser (default: no limit).
-            deadline: time limit of the part (default: none).
-        """
         self.count, self.most = 0, most
         self.deadline = Deadline() if deadline is None else deadline
         self._posteriors: dict[tuple[object, ...], NDArray[np.float32]] = {}
         self._strip: tuple[tuple[object, ...], Layers] | None = None
 
     def may_look(self, *, spared: int = 0) -> bool:
-        """Whether another look is allowed.
-
-        Args:
-            spared: looks that are kept for later.
-        """
+        """Whether another look is allowed, beside those that are spared."""
         allowed = self.most is None or self.count + spared < self.most
         return allowed and not self.deadline.is_over()
 

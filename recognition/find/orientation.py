@@ -35,13 +35,7 @@ class OtherReading:
 def ways_possible(
     orientation: Orientation, *, rows_known: bool = True, turned_deg: float = 0.0
 ) -> tuple[Way, ...]:
-    """Orientations other than upright that the settings do not exclude.
-
-    Args:
-        orientation: possible orientations of the parts.
-        rows_known: whether the order of the map's rows is known; of a photograph it is.
-        turned_deg: rotation of the line that was read; one that runs up or down may be read from either end.
-    """
+    """Orientations that the settings do not exclude; a line that runs up or down may be read from either end."""
     either_end = orientation is Orientation.ANY or abs(turned_deg) > 180.0 - UPSIDE_DOWN_DEG
     ways = (
         (Way.UPSIDE_DOWN, either_end),
@@ -52,14 +46,7 @@ def ways_possible(
 
 
 def other_reading(line: ReadLine, way: Way, text: str, grammar: Grammar | None) -> OtherReading | None:
-    """Compare a line's text with the best one in another orientation; None without a text here or there.
-
-    Args:
-        line: the line, read in both orientations.
-        way: the other orientation.
-        text: text of the line, without blanks.
-        grammar: format of the line.
-    """
+    """Compare a line's text with the best one in another orientation; None without a text here or there."""
     there = line.other_ways.get(way)
     if there is None or not text:
         return None
@@ -77,10 +64,6 @@ def read_ways(
     """Read a line in each other orientation in which its text can be read, but not by characters of the same shape.
 
     Args:
-        search: search of the view in which the line was read, under the line's format.
-        line: the line.
-        text: its text, without blanks; empty if it may be none.
-        ways: the other orientations that are possible.
         in_mirror: whether to read it with the rows in the other order whatever its text is, if their order is unknown.
     """
     grammar, seen = search.request.grammar, {}

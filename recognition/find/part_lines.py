@@ -13,16 +13,8 @@ from recognition.see.text_line import TextLine
 
 @dataclass(frozen=True, eq=False)
 class PartLines:
-    """Lines read on a part, each in every orientation in which its text can be read.
-
-    Attributes:
-        main: the line of the serial; None if there is none.
-        named: other requested lines that were found, by name.
-        others: unassigned lines that can be read as well.
-        candidates: places that look like the serial's line, the most promising first; they do not overlap.
-        layout: another layout in which a doubtful part reads well.
-        looks: runs of the recogniser.
-        stopped: why the search ended before it was complete; empty if it did not.
+    """Lines read on a part, each in every orientation in which its text can be read; those that are not requested, and
+    places that look like the serial's, are in order of promise.
     """
 
     main: ReadLine | None

@@ -12,11 +12,7 @@ Region = tuple[float, float, float, float]
 
 
 def check_region(region: Region | None) -> None:
-    """Check a region.
-
-    Raises:
-        ValueError: it is invalid.
-    """
+    """Check a region. Raises ValueError."""
     if region is not None:
         left, top, right, bottom = region
         if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
@@ -41,10 +37,8 @@ def area_of(
     """Area with all lines whose middle is in one of these regions; None if it is most of the view.
 
     Args:
-        regions: regions, that of the serial first; if it is None, the line may be anywhere.
         margins: around a region, across and down, as shares of its size, since a line may extend beyond the region
             that contains its middle.
-        most_of_view: share of the view above which it is most of it.
     """
     serial, *others = regions
     if serial is None:

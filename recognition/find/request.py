@@ -16,15 +16,7 @@ from recognition.language.orientation import Orientation
 
 @dataclass(frozen=True)
 class LineFormat:
-    """A line that a part has besides its serial.
-
-    Attributes:
-        grammar: format of the line.
-        region: region that contains its middle (default: anywhere).
-
-    Raises:
-        ValueError: an invalid region.
-    """
+    """A line that a part has besides its serial. Raises ValueError for an invalid region."""
 
     grammar: Grammar
     region: Region | None = None
@@ -38,7 +30,6 @@ class SearchLimits:
     """Limits of a search: its looks, its price, and the promise at which it stops.
 
     Attributes:
-        most_lines: lines of the finder that are read, most promising first.
         plain: share of the greatest promise from which a line is without doubt.
         sure: share of the greatest promise from which a line is convincing, and no other light is looked at.
         settled: share of the greatest promise above which a line is not searched for any further.
@@ -46,9 +37,6 @@ class SearchLimits:
             wrong one is often a little more promising by chance.
         rewidened: ratio of the usual and the fitting width of a strip from which a doubtful line is read at both.
         narrowest: advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38.
-        most_looks: most runs of the recogniser for each view of a part.
-        spared_looks: looks of these that are spared for the line that is decided on and its orientations.
-        layout_looks: most further runs that look for another layout of a doubtful part.
         least_gain_per_ms: price of processor time: expected gain of a try, right characters for each ms, below which
             it is left out.
     """
@@ -68,20 +56,7 @@ class SearchLimits:
 
 @dataclass(frozen=True)
 class LineRequest:
-    """Lines that are looked for, and what is known of the part.
-
-    Attributes:
-        grammar: format of the serial's line.
-        chars: characters to search for.
-        height_mm: height of the characters, if known.
-        region: region that holds the middle of the serial's line (default: the whole view).
-        orientation: possible orientations of the parts.
-        rows_known: whether the order of a map's rows is known; of a photograph it is.
-        lines: other lines of the part, by name.
-        limits: limits of the search.
-        templates: fonts whose templates find and read lines, in place of the networks.
-        deadline: time limit of the part that is read (default: no limit).
-    """
+    """Lines that are looked for, and what is known of the part; `templates` read in place of the networks."""
 
     grammar: Grammar | None
     chars: str

@@ -37,13 +37,7 @@ UPSIDE_DOWN_DEG = 105.0
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Search for lines in a view.
-
-    Attributes:
-        view: view that is searched.
-        request: what is looked for.
-        looks: looks at the part's views so far.
-    """
+    """Search for lines in a view, after some looks at the part's others."""
 
     view: View
     request: LineRequest
@@ -79,11 +73,7 @@ class Search:
         return [read.line.height_mm for read in self.lines()]
 
     def lines(self, about: Sequence[TextLine] = ()) -> list[ReadLine]:
-        """Read the lines of the view, most promising first.
-
-        Args:
-            about: positions of the lines, that of the serial first, if they are known.
-        """
+        """Read the lines of the view, or those at known positions, most promising first."""
         lines = self.read(about[:1] or self.candidates()[:1])
         cheap = not is_convincing(self.in_region(lines), self.request.limits.settled)
         if cheap:
@@ -98,13 +88,7 @@ class Search:
     def walk(
         self, lines: Sequence[ReadLine], tries: Iterable[Try] = TRIES, *, cheap: bool = True
     ) -> Iterator[tuple[Try, list[ReadLine]]]:
-        """Try what gains most for its time; yield it with all lines after it, most promising first.
-
-        Args:
-            lines: lines so far, most promising first.
-            tries: what may be tried.
-            cheap: whether looks are cheap.
-        """
+        """Try what gains most for its time; yield it with all lines after it, most promising first."""
         limits, lines, known = self.request.limits, list(lines), [read.line for read in lines]
         times, left = Counter[str](), dict[tuple[str, int], list[TextLine]]()
         while True:
@@ -139,13 +123,7 @@ class Search:
     def read(
         self, lines: Iterable[TextLine], *, cheap: bool = False, like: ReadLine | None = None
     ) -> list[ReadLine]:
-        """Read each line, and a doubtful one again at the width of its characters; the most promising comes first.
-
-        Args:
-            lines: the lines.
-            cheap: look at them hardly widened, to rank them.
-            like: line with characters of the same width, if one is known.
-        """
+        """Read each line, and a doubtful one again at the width of its characters or `like`; `cheap` ranks them."""
         wider = (CHEAP if cheap else WIDER) if like is None else wider_of(like.looks[0])
         each = (self._read(line, wider, fit=like is None) for line in lines if self._may_read(line))
         return rank(read for read in each if read is not None)
@@ -188,13 +166,7 @@ class Search:
     def _may_read(
         self, line: TextLine, *, most_columns: int = 4000, least_pixels: float = 4.0, most_sides: float = 1.4
     ) -> bool:
-        """Whether more looks are allowed, and a line's direction and size: it shows its characters and fits the view.
-
-        Args:
-            most_columns: columns of the longest strip, some 200 characters.
-            least_pixels: fewest pixels for each character height.
-            most_sides: largest ratio of the character height to the view's smaller side.
-        """
+        """Whether more looks are allowed, and a line shows its characters and fits the view."""
         least_mm, most_mm = least_pixels * self.view.pitch_mm, most_sides * min(self.view.size_mm)
         fits = line.columns() <= most_columns and least_mm <= line.height_mm <= most_mm
         return fits and self.may_run(line) and self.looks.may_look()

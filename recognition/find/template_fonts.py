@@ -32,15 +32,9 @@ class MatchingLimits:
     Attributes:
         coarse_pixels: pixels for each character height in the search.
         fine_pixels: pixels for each character height in reading.
-        smallest: least character height, as a share of the view's smaller side.
-        largest: greatest character height, as a share of the view's smaller side.
-        size_step: ratio between neighbouring heights.
-        first_sizes: number of heights that are searched first.
-        most_sizes: number of heights that are searched if those are not convincing, including them.
-        most_lines: number of lines that are read at full resolution.
+        smallest, largest: character heights, as shares of the view's smaller side.
         apart_heights: least distance of two lines, character heights.
         beyond_heights: margin that is read before and after a line, in case it has more characters; character heights.
-        most_rereads: greatest number of times that a line is read again along its characters.
         off_heights: a line is read again if a character lies further from its row than this, character heights.
     """
 
@@ -60,13 +54,7 @@ class MatchingLimits:
 
 @dataclass(frozen=True, eq=False)
 class TemplateFonts:
-    """Fonts whose templates find and read lines.
-
-    Attributes:
-        fonts: fonts to compare.
-        predict: function that predicts the templates of a font's characters; it should cache them.
-        matching: resolution and range of the search.
-    """
+    """Fonts whose templates find and read lines; `predict` should cache them."""
 
     fonts: Sequence[Font]
     predict: Callable[[Font, str, TemplateKey], TemplateSet]

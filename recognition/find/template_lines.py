@@ -48,7 +48,6 @@ class TemplateSearch(Search):
 
     @property
     def _tries(self) -> Sequence[tuple[MarkStyle, slice]]:
-        """Mark styles and ranks of sizes, tried in this order until a line is convincing."""
         matching = self._fonts.matching
         first = slice(0, matching.first_sizes)
         usual, *others = STYLES
@@ -98,7 +97,6 @@ class TemplateSearch(Search):
     def _glyphs(
         self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int, touch: Touch | None = None
     ) -> GlyphImages:
-        """Make a font's templates at a height, as felt with `touch` (default: the default touch for that height)."""
         touch = touch if touch is not None else default_touch(height_mm)
         key = template_key(font, touch, height_mm=height_mm, face=style.face, raised=style.raised)
         templates = self._fonts.predict(font, self.request.chars_of(font), key)
@@ -121,11 +119,7 @@ class TemplateSearch(Search):
         return lines[: self._fonts.matching.most_lines]
 
     def _sizes_mm(self, font: Font, style: MarkStyle, *, sketch_pixels: int = 12) -> list[float]:
-        """Rank character heights by the most that templates explain along any row of the view.
-
-        Args:
-            sketch_pixels: pixels for each character height in this ranking; it is used if no height is known.
-        """
+        """Rank character heights by the most that templates explain along any row of the view."""
         if self.request.height_mm is not None:
             return [self.request.height_mm]
         matching = self._fonts.matching
@@ -139,7 +133,6 @@ class TemplateSearch(Search):
         return sorted(sizes, key=explained_mm, reverse=True)
 
     def _rows(self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int) -> list[_PlacedLine]:
-        """Place characters of one height along level rows of the view, which overlap."""
         glyphs = self._glyphs(font, style, height_mm, pixels=pixels)
         rows = anywhere(self.view, height_mm=height_mm, blind_step=0.5, most_blind=100)
         return [self._place(row, font, glyphs) for row in rows]
@@ -154,7 +147,6 @@ class TemplateSearch(Search):
         ]
 
     def _look(self, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
-        """Read a line, after moving it to the line through its characters if they lie off it."""
         self.looks.count += 1
         matching = self._fonts.matching
         glyphs = self._glyphs(font, style, line.height_mm, pixels=matching.fine_pixels, touch=self.view.touch)
@@ -182,11 +174,7 @@ class TemplateSearch(Search):
     def _place(
         self, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3
     ) -> _PlacedLine:
-        """Find the best chain of characters along a line.
-
-        Args:
-            slack_heights: largest distance of the line from the row where it was found, character heights.
-        """
+        """Find the best chain of characters along a line that is `slack_heights` at most off its row."""
         pixels, beyond = glyphs.pixels, self._fonts.matching.beyond_heights
         slack = round(slack_heights * pixels)
         rows = HEIGHT_ROWS * (1.0 + 4.0 * slack_heights)
@@ -220,7 +208,6 @@ class _PlacedLine:
 
     @property
     def off_heights(self) -> NDArray[np.float64]:
-        """Distance of each place below the line, shape (places,), character heights."""
         return (np.array(self.rows) - (len(self.image) - 1) / 2) / self.glyphs.pixels
 
     @property
@@ -231,7 +218,6 @@ class _PlacedLine:
         return np.asarray(self.columns[[0, -1]] + reach)
 
     def through(self, ends: NDArray[np.float64] | None = None) -> TextLine:
-        """Fit the line through the characters, weighted by their rewards, between two columns (default: its own)."""
         sure = [max(placed.reward, 1e-3) for placed in self.placed]
         if ends is None:
             margin = self.margin_heights * HEIGHT_ROWS

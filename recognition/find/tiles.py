@@ -38,9 +38,7 @@ def find_in_tiles(
     """Find the small lines of a view, most promising first; they run within some 30 degrees of level.
 
     Args:
-        view: the view.
-        height_mm: height of the characters, if known.
-        fine: look for the smallest characters too, which takes most of the time.
+        fine: whether to look for the smallest characters too, which takes most of the time.
         most_tiles: most tiles of a view, at all scales: some two seconds. Scales that need more are left out.
     """
     lines: list[FoundLine] = []
@@ -89,7 +87,6 @@ def even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: floa
 
 
 def _pixels(heights: float) -> int:
-    """Number of pixels, in whole cells, that cover about a number of character heights."""
     return round(heights * FINDER_ROWS / CELL) * CELL
 
 
@@ -98,7 +95,6 @@ _DOWN, _ACROSS = _pixels(STEP_DOWN), _pixels(STEP_ACROSS)
 
 
 def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Upper left corners of the tiles of (rows, columns), which begin half a tile before the first pixel."""
     rows, columns = (
         n + 2 * (tile // 2 // CELL * CELL) for n, tile in zip(shape, (ROWS, COLUMNS), strict=True)
     )

@@ -73,12 +73,9 @@ class Try:
     """A way to look for a line.
 
     Attributes:
-        name: its name.
+        propose: lines to look at, from all lines so far, most promising first.
         propose: lines to look at, from all lines so far, most promising first.
         felt, seen: characters that become right on a scan and in a photograph, for each of the `BANDS`.
-        ms: processor time before the first look, ms.
-        few: lines that are looked at each time.
-        refines: whether it starts from the best line, and not from the view.
         nats: least promise by which a refined line must exceed the best one: of two readings the wrong one is often a
             little more promising by chance, and so is a longer line.
     """
@@ -94,20 +91,13 @@ class Try:
     nats: float = 0.0
 
     def gain_per_ms(self, kind: ViewKind, share: float, *, times: int) -> float:
-        """Expected gain for each ms.
-
-        Args:
-            kind: kind of the view.
-            share: promise of the best line so far, as a share of its maximum.
-            times: how often it was tried.
-        """
+        """Expected gain for each ms after some times, of a line with this share of the greatest promise."""
         gains = self.seen if kind is ViewKind.PHOTO else self.felt
         cost_ms = self.few * LOOK_MS + (0.0 if times else self.ms)
         return gains[bisect_right(BANDS, share)] * FADES**times / cost_ms
 
 
 def _further(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
-    """The finder's lines after the first, and arcs through the cells of the first two."""
     first = [line for each in search.finder_lines[:2] for line in (each.line, each.bent) if line is not None]
     return [*first, *(each.line for each in search.finder_lines[2:])]
 
@@ -189,15 +179,7 @@ def _next_word(search: Searched, lines: Sequence[ReadLine], *, add_heights: floa
 def _longer_at_ends(
     search: Searched, lines: Sequence[ReadLine], *, end_heights: float = 0.55, add_heights: float = 2.2
 ) -> list[TextLine]:
-    """Lengthen a line where a character lies at its end: others may follow beyond.
-
-    Args:
-        search: search of the view.
-        lines: lines so far.
-        end_heights: distance from a strip's end within which a character may have a neighbour beyond it, character
-            heights.
-        add_heights: length that is added, character heights.
-    """
+    """Lengthen a line where a character lies at its end, within `end_heights`: others may follow beyond."""
     line, columns = lines[0].line, lines[0].columns
     near = (end_heights + MARGIN) * HEIGHT_ROWS
     first, last = bool((columns[:1] < near).any()), bool((columns[-1:] > line.columns() - near).any())

@@ -26,12 +26,7 @@ Corners = list[tuple[int, int]]
 
 
 def read_wide(search: Search, *, most_lines: int = 10) -> list[ReadLine]:
-    """Lines of a large picture that are text by a cheap look, most promising first.
-
-    Args:
-        search: search of the picture.
-        most_lines: lines of the finder that are looked at.
-    """
+    """Lines of a large picture that are text by a cheap look, most promising first."""
     lines = find_wide(search.view, height_mm=search.request.height_mm)[:most_lines]
     read = search.in_region(search.read((found.line for found in lines), cheap=True))
     return sorted((line for line in read if line.is_text), key=promise_of, reverse=True)
@@ -50,8 +45,6 @@ def find_wide(
     """Find the lines of a large picture, most promising first; they run within some 30 degrees of level.
 
     Args:
-        view: the picture.
-        height_mm: height of the characters, if known.
         tallest, lowest: heights of characters as shares of the picture's smaller side.
         octaves: octaves between two scales.
         coarse_pixels: size of a scale's picture up to which the finder sees all of it as well.
@@ -79,15 +72,7 @@ def find_wide(
 def _lines_of(
     picture: Floats, corners: Corners, tile: tuple[int, int], view: View, *, least: float = 0.5
 ) -> Iterator[FoundLine]:
-    """Lines that the finder sees in tiles of a picture of the whole view.
-
-    Args:
-        picture: (rows, columns) brightness.
-        corners: row and column of the tiles' upper left corners, which may lie outside.
-        tile: rows and columns of a tile.
-        view: the view.
-        least: least probability that a cell lies in the middle of a line.
-    """
+    """Lines that the finder sees in tiles of a picture of the whole view; corners may lie outside."""
     if not corners:
         return
     pitch_mm = view.pitch_mm * view.layers.shape[2] / picture.shape[1]

@@ -31,12 +31,7 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Spacing:
-    """Usual distance between the middles of neighbours: after[one] + before[next], pixels.
-
-    Attributes:
-        before, after: (T,) of each template.
-        free_after: places followed by a word gap, after which any distance is free.
-    """
+    """Usual distance between the middles of neighbours: after[one] + before[next], pixels, (T,) of each template."""
 
     before: NDArray[np.float64]
     after: NDArray[np.float64]
@@ -124,14 +119,7 @@ def best_chain(
 ) -> tuple[float, tuple[Placed, ...]]:
     """Find the chain with the greatest reward.
 
-    Args:
-        reward: (T, cols) reward of each template at each column.
-        allowed: (places, T) whether a template is allowed at a place; None for any number of any of them.
-        gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
-
-    Returns:
-        Its reward and the characters, left to right; (0, ()) if no chain has a reward, or if there is no room for a
-        fixed format.
+    Returns the reward and the characters, left to right; (0, ()) if no chain has a reward, or a fixed format no room.
     """
     free = allowed is None
     table = np.ones((most_characters, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
@@ -177,9 +165,6 @@ def usual_spacing(
     """Estimate the spacing of characters from neighbours that both stand out; None if there are none.
 
     Either the spacing of the font plus a constant, or even spacing: whichever fits better.
-
-    Args:
-        full: (T,) reward of each template on its own clean character.
     """
     glyphs = [font.glyph(c) for c in chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
@@ -208,11 +193,7 @@ def place_bounds(
     pixels: int,
     side_heights: float = 0.25,
 ) -> list[tuple[int, int]]:
-    """Columns of each place: from halfway to the ink of one neighbour to halfway to that of the other.
-
-    Args:
-        side_heights: most land beside a character's ink that belongs to its place, character heights.
-    """
+    """Columns of each place: from halfway to one neighbour's ink, or `side_heights` of land, to the other's."""
     middles, half = np.array([p.column for p in placed]), half_cols[[p.template for p in placed]]
     left, right, side = middles - half, middles + half, round(side_heights * pixels)
     between = (right[:-1] + left[1:]) // 2

@@ -36,12 +36,10 @@ class ExpertWeights:
     Attributes:
         sharpness: log likelihood of a character per unit of cosine.
         together: share of the places' log likelihoods that counts for the face: neighbours err alike.
-        no_face: cosine of every character in no face.
         covered: probability that a place shows nothing although the face fits.
         named: log odds of a named font to a face of the library, before anything is seen.
-        network, network_fit: weight of the recogniser, and its rise per unit of fit (`FaceBelief.fit`).
-        faces, faces_fit: the same of the faces.
-        depths, depths_fit: the same of the depths, times the probability of the font along which they were compared.
+        network, network_fit: weight of the recogniser, and its rise per unit of fit (`FaceBelief.fit`); the same of
+            faces, and of depths, times the probability of the font along which they were compared.
         filled: probability that depths say nothing: a stroke that dirt fills is one event, however many samples it has.
     """
 
@@ -72,9 +70,7 @@ class LineExperts:
     Attributes:
         network: (..., places, C) log posteriors of the recogniser; -inf of a character that is not allowed.
         cosines: (..., F, places, C) cosines of faces (`FaceCosines`).
-        named: (..., F) whether each is a named font.
         depths: (..., places, C) log likelihoods of the depths; NaN where a character was not compared.
-        depth_face: (..., F) whether the depths were compared along this face.
     """
 
     network: Floats
@@ -89,7 +85,6 @@ class FaceBelief:
     """What the faces say of a line.
 
     Attributes:
-        faces: (..., F + 1) probability that the line is in each face, and in none; they sum to 1.
         log: (..., places, C) log posteriors by the faces alone; the probabilities of a place sum to that of a face
             showing there.
         fit: (...,) by how much the faces' fits exceed that of no face, the mean by probability.
@@ -145,7 +140,6 @@ def combine_experts(line: LineExperts, belief: FaceBelief, weights: ExpertWeight
 
 
 def _limited(depths: Floats, filled: float) -> Floats:
-    """Log likelihoods relative to the best character's, not less than `log(filled)`; 0 of what was not compared."""
     best = np.fmax.reduce(depths, axis=-1, keepdims=True, initial=-1e9)
     relative = np.where(np.isnan(depths), 0.0, depths - best)
     return np.asarray(np.log((1.0 - filled) * np.exp(relative) + filled))

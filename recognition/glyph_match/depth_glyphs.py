@@ -33,13 +33,9 @@ def depth_glyph(
     """Depth of a character and its gradient (depth, to the right, downwards).
 
     Args:
-        face: face of the die; a dotted face needs a font with strokes.
         smooth_px: standard deviation of the smoothing, pixels; of values from 0.5 to 1.3 it is closest to felt depths.
-        usual_percent: percentile of the depths in the strokes that is scaled to 1.
 
-    Raises:
-        FontError: the font lacks the character.
-        StampError: a dotted face and a font without strokes.
+    Raises FontError or StampError.
     """
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)

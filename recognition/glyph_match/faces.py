@@ -37,7 +37,6 @@ class FaceCosines:
     """Cosines of the faces that are nearest to a line's.
 
     Attributes:
-        names: (F,) names of the faces, those of the named fonts first.
         values: (F, places, C) greatest cosine of each character of the line's lattice; NaN of one that the face lacks
             or the format forbids.
     """

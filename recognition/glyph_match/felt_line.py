@@ -59,7 +59,6 @@ class DepthStrip:
     Attributes:
         depth: (rows, columns) depth below the surrounding land, in units of noise; the middle one of the odd number of
             rows is that of the line.
-        usual: depth of the line's strokes, in units of noise.
         noise: unit of the depths, character heights.
     """
 
@@ -71,7 +70,6 @@ class DepthStrip:
 
     @cached_property
     def _image(self) -> Image:
-        """(rows, columns, 1) depths relative to the usual one, clipped; 0 where nothing was felt."""
         shown = np.clip(self.depth / self.usual, -0.5, 1.3) * self.known
         return np.pad(shown[..., None].astype(np.float32), ((_BEYOND,) * 2, (_BEYOND,) * 2, (0, 0)))
 
@@ -104,12 +102,7 @@ class DepthStrip:
 
 @dataclass(frozen=True, eq=False)
 class LaidCharacter:
-    """A character laid on a place of a felt line.
-
-    Attributes:
-        pose: (NUMBERS,) pose relative to the middle of the place (`recognition.glyph_match.pose`).
-        fit: correlation of those depths with the character's, at most 1.
-    """
+    """A character laid on a place of a felt line, in a pose (`recognition.glyph_match.pose`) about its middle."""
 
     pose: Floats
     log_likelihood: float = 0.0
@@ -118,11 +111,7 @@ class LaidCharacter:
 
 @dataclass(frozen=True, eq=False)
 class FeltLine:
-    """A felt line, on which characters are laid.
-
-    Attributes:
-        columns: (places,) columns of the places in the line's strip.
-    """
+    """A felt line, on which characters are laid at the columns of its strip."""
 
     view: View
     line: TextLine
@@ -159,10 +148,7 @@ class FeltLine:
 
     @cached_property
     def whole(self) -> list[bool]:
-        """Whether the scan covers each place's character from edge to edge, in x and in y.
-
-        Only the extent of the scan matters here, not missing samples within it.
-        """
+        """Whether the scan's extent covers each place's character from edge to edge, in x and in y."""
         known = self.view.layers[KNOWN] > 0.5
         if not known.any():
             return [False] * self.columns.size
@@ -241,13 +227,7 @@ def _depth_strip(
     deep_percent: float = 93.0,
     noise: tuple[float, float] = (0.12, 0.35),
 ) -> DepthStrip:
-    """The depths along a line, relative to its land.
-
-    Args:
-        deep_percent: percentile of the line's samples that is the depth of its strokes.
-        noise: least and greatest noise as shares of that depth; between them it is estimated from the samples' median
-            distance from their median.
-    """
+    """The depths along a line, relative to its land."""
     from glyphs.opencv import cv2
 
     filled = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0)
@@ -280,9 +260,6 @@ def felt_line(
 
     The recogniser also reads a line that was found half too high, but then the strokes miss the grooves. Sunk marks are
     tried first: raised ones are rare, and text that was read badly under dirt fits neither way.
-
-    Args:
-        good_fit: mean correlation from which the line keeps the height at which it was found.
     """
 
     def best_correlation(candidate: FeltLine) -> float:

@@ -33,11 +33,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of `make`, from the disk if they were made before.
-
-    Args:
-        made_of: everything they depend on besides the program: numbers, texts, arrays, dataclasses and tuples of these.
-    """
+    """Return the arrays of `make`, from the disk if they were made before of the same; the program counts, too."""
     folder = folder_of(kept)
     if folder is None:
         return make()
@@ -91,7 +87,6 @@ def _add(digest: Any, value: object) -> None:
 
 @cache
 def _program() -> bytes:
-    """Digest of the predicting code: names, sizes and times of its modules and networks."""
     digest, root = sha256(), Path(__file__).parents[2]
     for package in ("glyphs", "whisker_array", "recognition"):
         files = ((root / package).rglob(f"*.{kind}") for kind in ("py", "onnx"))

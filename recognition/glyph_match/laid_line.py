@@ -62,7 +62,6 @@ def _smooth_poses(felt: FeltLine, together: Lattice, font: Font) -> Floats:
 
 
 def _smooth(values: Floats, along: Floats, weights: Floats, *, order: int, scatter: float) -> Floats:
-    """Fit a polynomial along the line, robust against wrong values."""
     from scipy.optimize import least_squares
 
     powers = along[:, None] ** np.arange(order + 1)

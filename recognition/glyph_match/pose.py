@@ -34,11 +34,7 @@ NUMBERS = 9
 
 
 def points_at(pose: Floats, points: Floats) -> Floats:
-    """(n, 2) points of a character in a pose: distances to the right and down from the middle of a place.
-
-    Args:
-        points: (n, 2) from the character's reference point to the right and down, character heights.
-    """
+    """(n, 2) points of a character in a pose, from its reference point, about the middle of a place."""
     cos, sin = math.cos(pose[TURN]), math.sin(pose[TURN])
     turned = points * np.exp(pose[[WIDE, TALL]]) @ np.array([[cos, sin], [-sin, cos]])
     return np.asarray(turned + pose[[RIGHT, DOWN]])
@@ -63,9 +59,7 @@ class PlaceSamples:
     """The depths that were felt around a place.
 
     Attributes:
-        right, down: (n,) distances from the middle of the place, character heights.
         missed: share of samples without information.
-        span: range of the depths of those samples, in usual depths.
         alike: number of neighbouring samples that count as one, because noise and dirt are wider than a pixel.
     """
 

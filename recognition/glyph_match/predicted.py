@@ -90,11 +90,7 @@ def template_key(
     face: Face = Face.FLAT,
     step: float = 0.1,
 ) -> TemplateKey:
-    """Key of the templates for a touch and a character height; rounded, so that similar parts share a set.
-
-    Args:
-        step: relative step of preload and depth between two sets; twice that of the tip's radius.
-    """
+    """Key of the templates for a touch and a character height, rounded by `step` so that similar parts share a set."""
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
     arm = touch.tip.moment_arm_mm / np.linalg.norm(touch.tip.moment_arm_mm)
     depth = round_to_ladder(default_depth_mm(height_mm) / height_mm, step)
@@ -120,10 +116,8 @@ class TemplateSet:
     """Felt templates of a font's characters, side by side on a plate.
 
     Attributes:
-        middles_mm: (T, 2) x, y of the glyphs' reference points.
         patches: (T, directions, rows, cols) float32 edges, PIXELS per character height, with the glyph's reference
             point in the middle pixel; rows and cols odd.
-        half_width: (T,) half the ink's width, character heights.
     """
 
     chars: tuple[str, ...]
@@ -145,8 +139,6 @@ class IdealPlate:
     """A plate with a font's characters side by side, each struck perfectly.
 
     Attributes:
-        middles_mm: (T, 2) x, y of the glyphs' reference points.
-        half_width: (T,) half the ink's width, character heights.
         shape: (rows, cols) of a character's part of the plate, PIXELS per character height, both odd.
         rows: rows of the part that belong to the character's cell.
     """
@@ -173,12 +165,7 @@ def ideal_plate(
     cell_margin_heights: float = 0.16,
     land_heights: float = 0.25,
 ) -> IdealPlate:
-    """Strike the plate, at the canonical height and half the templates' pitch.
-
-    Raises:
-        FontError: a character that the font lacks.
-        StampError, MapError: an invalid die or scale.
-    """
+    """Strike the plate, at the canonical height and half the templates' pitch. Raises FontError or StampError."""
     height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
     shapes = [die_glyph(font.glyph(c), die, height_mm=height) for c in chars]
     boxes = [shape.ink_box for shape in shapes]
@@ -228,12 +215,7 @@ def lit_views(
 
 
 def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
-    """Feel the ideal plate of a font's characters and cut out the cells.
-
-    Raises:
-        FontError: a character that the font lacks.
-        StampError, MapError: an invalid die or scale.
-    """
+    """Feel the ideal plate of a font's characters and cut out the cells. Raises FontError or StampError."""
     arrays = kept(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
     x_mm, y_mm, pitch_mm = arrays["grid"].tolist()
     return TemplateSet(
@@ -285,7 +267,6 @@ def sunk_relief_mm(
 def _felt_relief(
     felt: NDArray[np.float32], u: NDArray[np.floating], v: NDArray[np.floating]
 ) -> NDArray[np.float32]:
-    """Relief of a learned glyph at offsets (u right, v up) from its middle, mm, as it was felt."""
     from scipy import ndimage
 
     pixel = CANONICAL_HEIGHT_MM / RELIEF_PIXELS

@@ -93,11 +93,7 @@ class Prototypes:
 
 @dataclass(frozen=True, eq=False)
 class PlaceWindows:
-    """The windows about the places of a line, moved by some steps to either side.
-
-    Attributes:
-        numbers: (moves, places, N) mapped windows.
-    """
+    """The (moves, places, N) mapped windows about the places of a line, moved by some steps to either side."""
 
     numbers: Features
     squares: Features
@@ -120,12 +116,7 @@ def felt_prototypes(templates: TemplateSet, map: FeatureMap, name: str) -> Proto
 def lit_prototypes(
     font: Font, chars: str, map: FeatureMap, *, lights: Sequence[Light] = LIGHTS
 ) -> Prototypes:
-    """Prototypes of a font by camera, under each of several lights.
-
-    Raises:
-        FontError: a character that the font lacks.
-        StampError: an invalid die.
-    """
+    """Prototypes of a font by camera, under each of several lights. Raises FontError or StampError."""
 
     def make() -> dict[str, Features]:
         plate = ideal_plate(font, chars, die)
@@ -139,7 +130,6 @@ def lit_prototypes(
 def _prototypes(
     views: Sequence[View], middles_mm: Floats, half_width: Floats, map: FeatureMap
 ) -> dict[str, Features]:
-    """The arrays of `Prototypes` of one face, from views of its plate."""
     half, columns, line = half_steps(half_width), plate_columns(middles_mm), line_of(middles_mm)
     shown = [own_windows(features_of(view.strip(line)), columns, half, map) for view in views]
     return {

@@ -216,11 +216,7 @@ def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:
 
 
 def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
-    """Combine machines to one automaton of the strings of a length that all of them allow.
-
-    Raises:
-        FormatError: the rules together need more than `MOST_STATES` states.
-    """
+    """Combine machines to one automaton of the strings of a length that all allow. Raises FormatError for too many."""
     none = Automaton(chars, (np.empty((0, len(chars)), dtype=np.int64),) * n_places)
     here = np.array([[m.start(n_places) for m in machines]], dtype=np.int64)
     steps: list[Places] = []
@@ -258,7 +254,6 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
 
 
 def _distinct(pairs: Places) -> tuple[Places, Places]:
-    """Distinct rows, and the index of each row among them."""
     if pairs.shape[1] == 0:
         return pairs[:1], np.zeros(pairs.shape[0], dtype=np.int64)
     # one number per row: far faster than comparing rows; numbered anew after each column, so that none overflows

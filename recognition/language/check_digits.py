@@ -42,15 +42,7 @@ _FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
 
 @dataclass(frozen=True)
 class CheckDigit:
-    """A rule and the places it checks; a `recognition.language.automaton.Machine` except for stdnum.
-
-    Attributes:
-        first_place: first place that is checked, counted from 1.
-        last_place: last place that is checked; None for the end of the text.
-
-    Raises:
-        FormatError: an unknown name, python-stdnum missing, a last place before the first.
-    """
+    """A rule and the places it checks, from 1; a `language.automaton.Machine` except for stdnum. Raises FormatError."""
 
     name: str
     first_place: int = 1
@@ -183,11 +175,7 @@ def _stdnum_module(name: str) -> ModuleType:
 
 
 def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
-    """Pairs of characters that the check digit does not distinguish, with their place (counted from 1).
-
-    Raises:
-        FormatError: a rule that needs the whole text.
-    """
+    """Pairs of characters that the check digit does not distinguish, with their place (counted from 1)."""
     chars = tuple(sorted(set("".join(allowed))))
     pairs = set()
     for place, here in enumerate(allowed):

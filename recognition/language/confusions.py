@@ -104,18 +104,14 @@ def state_of(
 ) -> PlaceState:
     """Return the state of a place.
 
+    The rest of the probabilities to 1 is "no character"; in a tie the first wins. `expected` is "" where none is.
+
     Args:
-        probabilities: probability of each character; the rest to 1 is "no character". In a tie the character that
-            comes first wins.
-        expected: the character that should stand there; "" if none should; None if unknown.
         read_belief, read_margin: least probability of the best character, and its least lead over the second, for a
             place to count as read. Acceptance of the reading has thresholds of its own.
         share_of_first: least probability of the second character, as a share of the best one's, to be confused with it.
-        mismatch_share: least probability of the expected character, as a share of the best one's; below it the place
-            is a mismatch.
 
-    Raises:
-        ValueError: probabilities that are negative, not numbers, or more than 1 together.
+    Raises ValueError.
     """
     total = math.fsum(probabilities.values())
     if not total <= 1.0 + 1e-6 or any(not p >= 0.0 for p in probabilities.values()):

@@ -55,7 +55,6 @@ class Choice:
             a_i / (a_i + r_i). The rest of a row to 1 is "no character", or unknown.
         valid_mass: Z, the lattice's own probability of all allowed strings together (an upper bound with an
             opaque check digit).
-        exhausted: whether an opaque check digit could not be tested on all strings, because there are too many.
     """
 
     text: str
@@ -79,11 +78,7 @@ def choose(
 ) -> Choice:
     """Find the best strings that the grammar allows, with their probabilities; the latest results are kept.
 
-    Args:
-        most_tests: most strings on which an opaque check digit is tested; `Choice.exhausted` if there are more.
-
-    Raises:
-        ValueError: k or most_tests below 1.
+    An opaque check digit is tested on `most_tests` strings (see `Choice.exhausted`). Raises ValueError.
     """
     if k < 1 or most_tests < 1:
         raise ValueError(f"k is {k} and most_tests is {most_tests}; both must be at least 1")
@@ -130,10 +125,7 @@ def _choose(lattice: Lattice, grammar: Grammar | None, k: int, most_tests: int) 
 
 @dataclass
 class _Tested:
-    """Strings tested one by one; masses as shares of Z.
-
-    `good` is the mass of the valid strings, `left` of those not tested, `by_place` of the valid ones by place.
-    """
+    """Strings tested one by one; `good` is the mass of the valid ones as a share of Z, `left` of those not tested."""
 
     by_place: NDArray[np.float64]
     valid: list[tuple[str, float]] = field(default_factory=list)
@@ -152,7 +144,6 @@ def _test_strings(
     *,
     resolved: float = 1e-4,
 ) -> _Tested:
-    """Test string by string, best first, until the rest is negligible."""
     number = {c: i for i, c in enumerate(lattice.chars)}
     tested = _Tested(np.zeros(lattice.log_belief.shape))
     for text, weight in islice(strings, most_tests):

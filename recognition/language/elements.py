@@ -73,11 +73,7 @@ _BETWEEN = re.compile(r"/(?=[A-Z]{3}(?:[ /]|$))")
 
 
 def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
-    """Regular expression and check digits of the text after `fields:`.
-
-    Raises:
-        FormatError: an unknown identifier, an invalid mask, a check digit whose place is not fixed.
-    """
+    """Regular expression and check digits of the text after `fields:`. Raises FormatError."""
     expression, checks = "", []
     place: int | None = 1
     for k, (key, value) in enumerate(_identifiers(text)):

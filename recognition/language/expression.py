@@ -61,11 +61,7 @@ def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class ExpressionMachine:
-    """A deterministic state machine; it starts in state 0.
-
-    Attributes:
-        next_state: (states, C) int64, -1 where the character may not follow.
-    """
+    """A deterministic state machine; it starts in state 0; (states, C) next ones are -1 where none may follow."""
 
     next_state: NDArray[np.int64]
     final: NDArray[np.bool_]
@@ -99,14 +95,9 @@ class ExpressionMachine:
 
 @lru_cache(maxsize=64)
 def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachine:
-    """Compile an expression to a machine over given characters.
+    """Compile an expression that must match the whole text; `^` in front and `$` at the end change nothing.
 
-    Args:
-        pattern: must match the whole text; `^` in front and `$` at the end change nothing.
-
-    Raises:
-        FormatError: not a regular expression, one with look-ahead, references or options, or one whose machine would
-            be too large.
+    Raises FormatError: no regular expression, one with look-ahead, references or options, or too large a machine.
     """
     net = _Net(pattern, frozenset(chars))
     # characters that all parts treat alike share their transitions
@@ -141,11 +132,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
 
 
 def written_characters(pattern: str) -> Chars:
-    """All characters that an expression names, one by one, in a range or as `\\d`.
-
-    Raises:
-        FormatError: not an expression, or one with more than `MOST_CHARACTERS`.
-    """
+    r"""All characters that an expression names, one by one, in a range or as `\d`. Raises FormatError."""
     written = set()
     for char in _written(_parse(pattern)):
         written.add(char)
@@ -178,8 +165,6 @@ def _too_complex(pattern: str, why: str) -> FormatError:
 
 
 class _Net:
-    """Nodes of an expression: each consumes one character of a set, or leads to others without one."""
-
     def __init__(self, pattern: str, chars: Chars) -> None:
         items = _parse(pattern)
         self.chars = chars
@@ -202,7 +187,6 @@ class _Net:
         return len(self.free) - 1
 
     def _row(self, items: Any, end: int) -> int:
-        """Add nodes for all items in sequence, and return the one from which they lead to `end`."""
         for k in range(len(items) - 1, -1, -1):
             end = self._item(items[k : k + 1], end)
         return end
@@ -252,7 +236,6 @@ class _Net:
         return end
 
     def reachable(self, nodes: frozenset[int] | set[int]) -> frozenset[int]:
-        """The nodes and all that they reach without consuming a character."""
         seen, waiting = set(nodes), list(nodes)
         while waiting:
             on = self.free[waiting.pop()]

@@ -30,11 +30,7 @@ _FIELDS = {"mask": "format", "re": "expression", "fields": "expression", "sets":
 
 
 def parts_of(texts: Iterable[str]) -> dict[str, Any]:
-    """The fields of a `recognition.language.grammar.Grammar`, combined from several texts.
-
-    Raises:
-        FormatError: a text that cannot be understood, or two of one kind.
-    """
+    """The fields of a `recognition.language.grammar.Grammar`, combined from several texts. Raises FormatError."""
     fields: dict[str, Any] = {}
     checks: list[CheckDigit] = []
     exclude = ""

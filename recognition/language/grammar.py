@@ -33,15 +33,12 @@ MOST_WORDS = 100_000
 class Grammar:
     """Prior knowledge of a serial; a field that is None or empty sets no limit.
 
+    Raises FormatError: an invalid part, or parts that no serial meets together.
+
     Attributes:
         format: as in `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
-        expression: regular expression that the serial without blanks must match as a whole.
         exclude: characters that do not occur, except where the format has them literally.
         alphabet: characters allowed where no other field lists them (`.` in an expression).
-        elements: text elements from which the expression was made, in the notation of `recognition.language.elements`.
-
-    Raises:
-        FormatError: an invalid part, or parts that no serial meets together.
     """
 
     format: str | None = None
@@ -78,11 +75,7 @@ class Grammar:
 
     @classmethod
     def parse(cls, *texts: str, lexicon: Iterable[str] | None = None) -> Grammar:
-        """Parse texts (see `recognition.language.format_text`); all of them must hold.
-
-        Raises:
-            FormatError: a text that cannot be understood, or two of one kind.
-        """
+        """Parse texts (see `recognition.language.format_text`); all of them must hold. Raises FormatError."""
         return cls(**parts_of(texts), lexicon=None if lexicon is None else frozenset(lexicon))
 
     def __repr__(self) -> str:
@@ -125,10 +118,7 @@ class Grammar:
         return tuple(check for check in self.checks if check.remainder is None)
 
     def lengths(self) -> frozenset[int] | None:
-        """Possible lengths of a serial without blanks; None if unlimited.
-
-        May include lengths that no serial has; none is above `expression.MOST_PLACES`.
-        """
+        """Possible lengths of a serial without blanks, up to `expression.MOST_PLACES`; None if unlimited."""
         limits: list[frozenset[int]] = []
         if self.format is not None:
             limits.append(frozenset({sum(c != " " for c in allowed_characters(self.format))} - {0}))
@@ -144,10 +134,7 @@ class Grammar:
         return frozenset(n for n in frozenset.intersection(*limits) if n <= MOST_PLACES)
 
     def places(self, n_places: int) -> tuple[str, ...] | None:
-        """The characters at each place of the serials of a length; None without such a serial.
-
-        May include too many if a check digit can only be tested on whole texts.
-        """
+        """The characters at each place of the serials of a length, or too many; None without such a serial."""
         strings = self.strings(n_places)
         return None if strings.empty else strings.places
 
@@ -158,10 +145,7 @@ class Grammar:
         return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
 
     def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
-        """Return the serials of a length with only these characters (default: all of the grammar).
-
-        `opaque` check digits are applied to a lexicon only.
-        """
+        """Return the serials of a length with only these characters; `opaque` checks only narrow a lexicon."""
         return _strings(self, n_places, self.characters if chars is None else chars)
 
     def allows(self, text: str) -> bool:
@@ -264,6 +248,5 @@ def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings
 
 
 def _as_long(sets: Iterable[str], n_places: int) -> tuple[str, ...]:
-    """The sets if there is one for each place; otherwise nothing is allowed anywhere."""
     sets = tuple(sets)
     return sets if len(sets) == n_places else ("",) * n_places

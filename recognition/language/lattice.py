@@ -18,9 +18,6 @@ class Lattice:
     Attributes:
         log_belief: (places, C) natural logarithms of probabilities, -inf for 0. A row sums to at most 1; the rest is
             the probability that no readable character stands there.
-
-    Raises:
-        ValueError: shapes that do not agree, a character twice, probabilities above 1 or not numbers.
     """
 
     chars: tuple[str, ...]

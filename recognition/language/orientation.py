@@ -53,11 +53,7 @@ class Way(StrEnum):
 
 @dataclass(frozen=True)
 class OtherText:
-    """Another text of the same marks.
-
-    Attributes:
-        exact: whether the characters have the same shapes, so that nothing on the part tells the two texts apart.
-    """
+    """Another text of the same marks; `exact` if the shapes are the same, so that nothing tells the two apart."""
 
     text: str
     exact: bool

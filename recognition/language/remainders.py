@@ -39,7 +39,6 @@ class Remainder:
     Attributes:
         step: function of a character, its place and the number of places; returns (modulus,) the next remainder for
             each remainder, or None if the character is not allowed there.
-        length: the only length of a valid text; None if any.
     """
 
     alphabet: str
@@ -56,9 +55,7 @@ def pure_system(
 ) -> Remainder:
     """ISO 7064 pure system: r -> (r radix + value) mod M, valid if it ends at 1.
 
-    Args:
-        supplementary: character of the alphabet that is allowed only as the check character.
-        check_figures: number of check digits at the end (mod 97-10); 0 for one check character of the alphabet.
+    The `supplementary` character is only the check character; mod 97-10 has two check figures, others (0) one.
     """
 
     def step(char: str, place: int, n_places: int) -> Remainders | None:
@@ -97,7 +94,6 @@ def every_second(values: str) -> Remainder:
 
 
 def _vin_step(char: str, place: int, n_places: int) -> Remainders | None:
-    """Add the weighted value of a character; at the check digit, where X stands for 10, subtract it."""
     if place == VIN_CHECK_PLACE:
         return (np.arange(11) - (DIGITS + "X").index(char)) % 11 if char in DIGITS + "X" else None
     return (np.arange(11) + VIN_WEIGHTS[place] * VIN_VALUES[char]) % 11

@@ -19,16 +19,7 @@ from recognition.see.view import EDGES, GREY, HEIGHTS, KNOWN
 
 
 def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
-    """Crop augmented strips of ROWS rows out of taller ones.
-
-    Args:
-        tall: (n, LAYERS, rows, columns) float32, each filled from the left.
-        columns: (n,) number of columns of each strip.
-        rng: the only source of randomness.
-
-    Returns:
-        (n, LAYERS, ROWS, columns'), where columns' is a multiple of `COLUMNS`.
-    """
+    """Crop augmented strips (n, LAYERS, ROWS, columns') out of taller ones; columns' is a multiple of `COLUMNS`."""
     return add_noise(_crop_again(tall, columns, rng), rng=rng)
 
 
@@ -89,7 +80,6 @@ def _crop_again(
 
 
 def _drop_data(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
-    """Drop directions, heights or edges, lines of the scan, and spots."""
     n, _, rows, columns = strips.shape
 
     def happens(share: float, *shape: int) -> Tensor:
@@ -110,7 +100,6 @@ def _drop_data(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
 
 
 def _add_lumps(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
-    """Add lumps, pits and scratches to the heights, with their edges."""
     n, _, rows, columns = strips.shape
     fine = int(torch.randint(2, 7, (1,), generator=rng))
     lumps = torch.randn(n, 1, max(2, rows // fine), max(4, columns // fine), generator=rng)
@@ -130,9 +119,7 @@ def _add_lumps(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
 def edges_of(pile: Tensor, *, preload: float = 0.2) -> Tensor:
     """(n, 4, rows, columns) edges that a tip would feel on (n, 1, rows, columns) heights, character heights.
 
-    Args:
-        pile: heights.
-        preload: preload of the default touch, character heights: a lift as large as this doubles the moment.
+    A lift as large as `preload`, that of the default touch, doubles the moment.
     """
     dx = f.pad(pile[..., 2:] - pile[..., :-2], (1, 1)) * HEIGHT_ROWS / 2
     dy = f.pad(pile[:, :, 2:] - pile[:, :, :-2], (0, 0, 1, 1)) * HEIGHT_ROWS / 2

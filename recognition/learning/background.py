@@ -51,6 +51,8 @@ def work(
 ) -> None:
     """Draw and train until all is done, or a signal comes.
 
+    Raises MarksError: another copy works in the folder, or one of the two processes failed; its log is named.
+
     Args:
         fonts: folders of TrueType or OpenType files.
         state: folder for everything that is made.
@@ -62,9 +64,6 @@ def work(
         rate: peak of the learning rate.
         batch: strips per step.
         seed: seed of the parts and of the training.
-
-    Raises:
-        MarksError: another copy works in the folder, or one of the two processes failed; its log is named.
     """
     strips = state / "data" / "strips"
     draw = [*map(str, fonts), "--out", state / "data", "--parts", parts, "--sketches", sketches]
@@ -104,7 +103,6 @@ def _files(folder: Path) -> int:
 def _begin(
     module: str, arguments: list[object], state: Path, running: contextlib.ExitStack
 ) -> subprocess.Popen[bytes]:
-    """Start a module of this package; it is ended with the block."""
     log = running.enter_context((state / f"{module}.log").open("ab"))
     command = [sys.executable, "-m", f"recognition.learning.{module}", *map(str, arguments)]
     quiet = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -46,15 +46,7 @@ def cover_rivals(
     rng: torch.Generator,
     share: float = 0.12,
 ) -> Tensor:
-    """Cover some of the strokes that distinguish characters of strips from their rivals.
-
-    Args:
-        tall: (n, LAYERS, rows, columns), characters in the middle rows; changed in place.
-        texts: text of each strip.
-        places: first and last column of each character; a strip without them is left as it is.
-        rng: the only source of randomness.
-        share: share of the characters with a rival that are covered.
-    """
+    """Cover, in place, a share of the strokes that distinguish characters of (n, LAYERS, rows, columns) from rivals."""
     for strip, text, where in zip(tall, texts, places, strict=True):
         for char, (first, last) in zip(text, where, strict=False):
             spots = _SPOTS.get(char.upper())
@@ -68,7 +60,6 @@ def _draw(rng: torch.Generator) -> float:
 
 
 def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Generator) -> None:
-    """Cover a spot with a lump, fill its marks, or make it unknown."""
     rows = strip.shape[1]
     top = (rows - HEIGHT_ROWS) / 2
     grown = 0.12 * (_draw(rng) - 0.3)
@@ -101,7 +92,6 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
 
 
 def _add_lump(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
-    """Add a lump to the heights, with its edges."""
     rough = _smooth((mask.shape[0], mask.shape[1]), 4, "bicubic", rng)
     height = 0.02 * math.exp(0.8 * float(torch.randn(1, generator=rng)))
     lump = height * mask * (1 + 0.4 * rough) * part[KNOWN]
@@ -113,6 +103,5 @@ def _add_lump(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
 
 
 def _smooth(size: tuple[int, int], cell: int, mode: str, rng: torch.Generator) -> Tensor:
-    """Smooth noise, interpolated from a coarser grid."""
     coarse = torch.randn(1, 1, *(max(2, n // cell) for n in size), generator=rng)
     return f.interpolate(coarse, size=size, mode=mode)[0, 0]

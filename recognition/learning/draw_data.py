@@ -35,12 +35,9 @@ _log = logging.getLogger(__name__)
 def draw_file(
     fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int, *, fonts_of_a_file: int = 16
 ) -> None:
-    """Draw a file of strips, and for parts also a file of views, unless the last of them exists.
+    """Draw a file of strips, and of views for parts ("seen", "held"; "sketched" has none), unless the last exists.
 
-    Args:
-        kind: "seen" or "held" for parts, "sketched" for lines without physics.
-        seed: seed of the whole set.
-        fonts_of_a_file: number of fonts for a file: loading the outlines of a font takes longer than drawing a part.
+    A file has few fonts: loading the outlines of a font takes longer than drawing a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
     if (out / ("strips" if sketched else "views") / kind / name).exists():
@@ -101,7 +98,6 @@ def draw_data(
 
 
 def _files(kind: str, parts: int) -> list[tuple[str, int, float]]:
-    """Kind and number of each file of some parts, and the share of them that lies before it."""
     count = -(-parts // PARTS_OF_A_FILE)
     return [(kind, number, number / count) for number in range(count)]
 

@@ -59,13 +59,7 @@ Plate = tuple[Features, Floats, Features]
 def candidates(
     folders: Iterable[Path], licences: Mapping[str, str], *, most_of_a_family: int = 2
 ) -> list[Path]:
-    """Font files that may be in the library: upright ones with a free licence, a few of each family.
-
-    Args:
-        folders: folders of fonts.
-        licences: licence of each file, by name.
-        most_of_a_family: greatest number of files whose family begins alike.
-    """
+    """Font files that may be in the library: upright ones with a free licence, a few of each family."""
     families: dict[str, list[Path]] = {}
     files = (
         path for folder in folders for path in folder.rglob("*") if path.suffix in (".ttf", ".otf", ".woff")
@@ -87,17 +81,7 @@ _OTHER_STYLES = re.compile(
 
 
 def face_plates(path: str, work: Path, *, chars: str, senses: bool) -> tuple[list[str], list[Plate]]:
-    """Characters of a face and its plates, under the high lamp or by all senses: by touch, then under each lamp.
-
-    Args:
-        path: font file, or name of a built-in font.
-        work: folder in which the features are kept.
-        chars: characters that are wanted.
-        senses: whether all senses are.
-
-    Raises:
-        FontError: a font that cannot be loaded.
-    """
+    """Characters of a face and its plates, kept in `work`: by touch, then under each lamp; or the high lamp only."""
     stored = work / f"{Path(path).stem}-{'all' if senses else 'high'}.npz"
     if not stored.exists():
         font = load_font(path)
@@ -123,12 +107,7 @@ def face_plates(path: str, work: Path, *, chars: str, senses: bool) -> tuple[lis
 
 
 def fit_map(plates: Sequence[Plate], *, of_step: int, of_window: int) -> FeatureMap:
-    """Fit the map of windows to plates: their features, columns and half widths.
-
-    Args:
-        of_step: components of one step.
-        of_window: numbers of a prototype.
-    """
+    """Fit the map of windows to plates: their features, columns and half widths."""
     sums, rows = np.zeros((3, len(plates[0][0]))), plates[0][0].shape[1]
     for features, _, _ in plates:
         sums += [(np.float64(features) ** power).sum(axis=(1, 2)) for power in (0, 1, 2)]
@@ -154,13 +133,7 @@ def _leading(moment: NDArray[np.floating], count: int) -> Features:
 
 
 def choose_faces(similarity: Floats, count: int, *, rounds: int = 4) -> list[int]:
-    """Choose medoids: greedily, then by exchanges, in the order of what each adds.
-
-    Args:
-        similarity: (n, n) similarity of the fonts.
-        count: number of faces.
-        rounds: most rounds of exchanges.
-    """
+    """Choose medoids of the (n, n) similarity: greedily, then by exchanges, in the order of what each adds."""
     chosen = _in_order(similarity, range(len(similarity)), count)
     for _ in range(rounds):
         before = list(chosen)
@@ -173,7 +146,6 @@ def choose_faces(similarity: Floats, count: int, *, rounds: int = 4) -> list[int
 
 
 def _in_order(similarity: Floats, among: Iterable[int], count: int) -> list[int]:
-    """Order faces by what each adds to those before it."""
     left, chosen, nearest = list(among), [], np.full(len(similarity), -1.0)
     for _ in range(count):
         best = max(left, key=lambda k: float(np.maximum(similarity[:, k], nearest).sum()))
@@ -184,13 +156,7 @@ def _in_order(similarity: Floats, among: Iterable[int], count: int) -> list[int]
 
 
 def compare_faces(paths: Sequence[str], work: Path, *, to_map: int = 60) -> tuple[list[str], Floats]:
-    """The fonts that have all characters, and how similar they are: mean cosines of their characters.
-
-    Args:
-        paths: font files.
-        work: folder in which features are kept.
-        to_map: number of fonts to which the map of features is fitted.
-    """
+    """The fonts that have all characters, and how similar they are: mean cosines of their characters."""
     plates: dict[str, Plate] = {}
     for path in paths:
         try:

@@ -53,12 +53,7 @@ class Normalise(nn.Module):
     def forward(
         self, strip: Tensor, *, relief_half: float = 0.02, edge_half: float = 0.2, grey_half: float = 1.0
     ) -> Tensor:
-        """(n, LAYERS, rows, columns) to the same shape, each layer within -1 and 1.
-
-        Args:
-            relief_half, edge_half, grey_half: values that become one half: heights in character heights, enhancement of
-                edges, brightness in standard deviations of its surroundings.
-        """
+        """Normalise each layer of (n, LAYERS, rows, columns) to -1 to 1; these values become one half."""
         known = strip[:, KNOWN : KNOWN + 1]
         surfaces = strip[:, HEIGHTS : GREY + 1] * known
         blurred = self._blur(torch.cat([surfaces, known], dim=1))
@@ -82,12 +77,7 @@ def _squash(x: Tensor, half: float) -> Tensor:
 
 
 class Recogniser(nn.Module):
-    """Network that returns log posteriors along a strip.
-
-    Args:
-        start: the public network to start from.
-        characters: its classes; the blank comes before them.
-    """
+    """Network that returns log posteriors along a strip; the blank comes before its characters."""
 
     def __init__(self, start: PublicStart, characters: str) -> None:
         super().__init__()
@@ -112,11 +102,7 @@ class Recogniser(nn.Module):
         return self.head(self.body(picture)).float().log_softmax(dim=2)
 
     def early(self, *, early: int = 40) -> list[nn.Parameter]:
-        """Weights that respond to edges and strokes, not characters: the first two thirds of the convolutions.
-
-        Args:
-            early: number of early convolutions, of the 57 in the body.
-        """
+        """Weights that respond to edges and strokes, not characters: the first two thirds of the convolutions."""
         weights_of_edges = [*self.first.parameters()]
         for name, weights in self.body.named_parameters():
             number = re.fullmatch(r"Conv/(\d+)\.weight", name)

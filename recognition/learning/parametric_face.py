@@ -50,15 +50,11 @@ class FaceStyle(Validated, error=FontError):
     Attributes:
         corner: share of the half edge beside it that a bent corner takes.
         power: exponent of the superellipse of a corner: 1 is a chamfer, 2 a circle, above 3 nearly a right angle.
-        width: width of the letter H.
-        stroke: width of upright strokes.
         level_stroke: width of level strokes in parts of the upright ones.
         round_ends: whether strokes end and meet in half circles, not squarely.
         slab: length of the slab at the end of an upright stroke; 0 for none.
-        slant: shear, x per y.
         stencil: gap that cuts closed and crossing strokes as a stencil needs; 0 for none.
         segment_gap: gap between segments of a fourteen-segment display; None for letters.
-        forms: number that chooses the form of each character; others than those named take 0.
     """
 
     corner: Share = 0.8
@@ -75,11 +71,7 @@ class FaceStyle(Validated, error=FontError):
 
 
 def draw_style(rng: np.random.Generator) -> FaceStyle:
-    """Draw a random style.
-
-    Args:
-        rng: the only source of randomness.
-    """
+    """Draw a random style."""
     kind = rng.choice(
         ["square", "superellipse", "round", "octagon", "segments"], p=[0.2, 0.3, 0.2, 0.22, 0.08]
     )
@@ -104,11 +96,7 @@ def draw_style(rng: np.random.Generator) -> FaceStyle:
 
 
 def draw_face(style: FaceStyle, *, name: str = "parametric") -> Font:
-    """Draw all characters of the skeletons in a style.
-
-    Raises:
-        FontError: a letter is too narrow for its strokes.
-    """
+    """Draw all characters of the skeletons in a style. Raises FontError for a letter too narrow for its strokes."""
     if style.width < _LEAST_WIDTH * style.stroke:
         raise FontError(f"letters {style.width:.2f} wide have no room for strokes of {style.stroke:.2f}")
     glyphs = {char: _glyph(char, style) for char in _skeletons()["characters"]}
@@ -133,7 +121,6 @@ def _glyph(char: str, style: FaceStyle) -> Glyph:
 
 
 def _centre_lines(char: str, style: FaceStyle) -> tuple[list[Points], float]:
-    """Centre lines inset by half a stroke, cap heights, and the width of their box."""
     drawn = _skeletons()
     relative, *forms = drawn["characters"][char]
     wide = max(relative * style.width - style.stroke, 0.0)
@@ -160,7 +147,6 @@ def _shorten(line: Points, by: float) -> Points:
 
 
 def _bend(stroke: Sequence[Sequence[float]], size: NDArray[np.float64], style: FaceStyle) -> Points:
-    """Scale a stroke to its box and bend its marked corners by the superellipse of the style."""
     points = np.array([point[:2] for point in stroke], dtype=np.float64) * size
     bent = [len(point) > 2 for point in stroke]
     angle = np.linspace(0.0, 0.5 * math.pi, 9)[:, None]
@@ -182,7 +168,6 @@ def _bend(stroke: Sequence[Sequence[float]], size: NDArray[np.float64], style: F
 
 
 def _slabs(lines: Sequence[Points], style: FaceStyle) -> list[Points]:
-    """Level strokes across the free ends of upright ones, at the foot and at the top."""
     half = 0.5 * style.level_stroke * style.stroke
     slabs = []
     for line in lines:
@@ -196,7 +181,6 @@ def _slabs(lines: Sequence[Points], style: FaceStyle) -> list[Points]:
 
 
 def _pixels(points: Points) -> NDArray[np.int32]:
-    """Coordinates for OpenCV, row 0 at the top of the ink's land."""
     placed = np.column_stack([points[:, 0] * _PIXELS + _EDGE, (1.0 - points[:, 1]) * _PIXELS + _EDGE])
     return np.asarray(np.round(placed * (1 << _SHIFT)), dtype=np.int32)
 
@@ -238,7 +222,6 @@ def _is_square(other: Points | None, direction: Points, style: FaceStyle) -> boo
 
 
 def _cut_bridges(ink: NDArray[np.uint8], wide: float, style: FaceStyle) -> None:
-    """Cut a gap down the middle of a character that encloses an area."""
     _, levels = cv2.findContours(ink, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if levels is not None and (levels[0, :, 3] >= 0).any():
         middle, half = _EDGE + 0.5 * wide * _PIXELS, 0.5 * style.stencil * _PIXELS
@@ -246,7 +229,6 @@ def _cut_bridges(ink: NDArray[np.uint8], wide: float, style: FaceStyle) -> None:
 
 
 def _trace(ink: NDArray[np.uint8], style: FaceStyle) -> list[Points]:
-    """Outlines of the ink, holes the other way round, slanted."""
     outlines, _ = cv2.findContours((ink > 127).view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     contours = []
     for outline in outlines:

@@ -28,14 +28,7 @@ _FINE = 4
 def cover_photos(
     strips: Sequence[TrainingStrip], *, rng: np.random.Generator, share: float = 0.35, most: int = 3
 ) -> list[TrainingStrip]:
-    """Cover some of the photographs among strips; others are returned unchanged.
-
-    Args:
-        strips: strips to learn from.
-        rng: the only source of randomness.
-        share: share of the photographs that are covered.
-        most: greatest number of covers on one photograph.
-    """
+    """Cover a share of the photographs among strips with one to `most` things."""
     return [
         _cover(strip, rng, most) if _is_photo(strip) and rng.random() < share else strip for strip in strips
     ]
@@ -55,7 +48,6 @@ def _cover(strip: TrainingStrip, rng: np.random.Generator, most: int) -> Trainin
 
 
 def _put(grey: Grey, mask: NDArray[np.uint8], shade: float | Grey) -> Grey:
-    """Lay a shade over a strip where a mask, drawn `_FINE` times larger, is set."""
     small = cv2.resize(mask, grey.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
     return np.asarray(grey * (1.0 - small) + shade * small, dtype=np.float32)
 
@@ -69,7 +61,6 @@ def _spot(mask: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.float
 
 
 def _curls(grey: Grey, rng: np.random.Generator) -> Grey:
-    """Curls of swarf: dark springs with a bright side."""
     size = HEIGHT_ROWS * _FINE
     for _ in range(int(rng.integers(1, 5))):
         dark, bright = _blank(grey), _blank(grey)
@@ -92,7 +83,6 @@ def _curls(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _chips(grey: Grey, rng: np.random.Generator) -> Grey:
-    """Chips: small polygons of one shade each, with a shadow."""
     size = HEIGHT_ROWS * _FINE
     for _ in range(int(rng.integers(2, 12))):
         mask = _blank(grey)
@@ -110,7 +100,6 @@ def _chips(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
-    """Drops of oil: what lies below is darker and larger, with a glint and a dark rim."""
     size = HEIGHT_ROWS * _FINE
     rows, columns = np.indices(grey.shape, dtype=np.float32)
     for _ in range(int(rng.integers(1, 6))):
@@ -138,7 +127,6 @@ def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _scratches(grey: Grey, rng: np.random.Generator) -> Grey:
-    """Scratches along the line, bright or dark."""
     size = HEIGHT_ROWS * _FINE
     mask, tilt = _blank(grey), rng.normal(0.0, 0.12)
     for _ in range(int(rng.integers(2, 14))):
@@ -157,7 +145,6 @@ def _scratches(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _scale(grey: Grey, rng: np.random.Generator) -> Grey:
-    """Flaking scale: patches of another shade with sharp edges."""
     rough = rough_noise(grey.shape, rng.uniform(0.3, 1.0) * HEIGHT_ROWS, rng)
     patch = np.clip(4.0 * (rough - rng.uniform(0.8, 1.8)), 0.0, 1.0)
     texture = 0.1 * rng.standard_normal(grey.shape).astype(np.float32)
@@ -166,7 +153,6 @@ def _scale(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _chatter(grey: Grey, rng: np.random.Generator) -> Grey:
-    """Chatter marks: ripples across the line, strongest where the strip is darkest or brightest."""
     rows, columns = np.indices(grey.shape, dtype=np.float32)
     tilt, period = rng.normal(0.0, 0.5), rng.uniform(0.06, 0.3) * HEIGHT_ROWS
     wave = np.sin(
@@ -178,14 +164,12 @@ def _chatter(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _orange_peel(grey: Grey, rng: np.random.Generator) -> Grey:
-    """A coating: softer edges under ripples of its own."""
     soft = blur(grey, float(rng.uniform(0.3, 1.5)))
     peel = noise(grey.shape, (float(rng.uniform(3.0, 8.0)),) * 2, rng)
     return np.asarray(soft + rng.uniform(0.2, 1.0) * float(soft.std()) * peel, dtype=np.float32)
 
 
 def _bloom(grey: Grey, rng: np.random.Generator) -> Grey:
-    """The reflection of a lamp that saturates the sensor and fades out."""
     rows, columns = np.indices(grey.shape, dtype=np.float32)
     y, x = rng.uniform(0.0, 1.0, 2) * grey.shape
     high, wide = rng.uniform(0.3, 1.5, 2) * HEIGHT_ROWS

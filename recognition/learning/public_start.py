@@ -27,12 +27,7 @@ _HEAD_NODES = ("MatMul", "Add", "Identity", "Softmax")
 
 @dataclass(frozen=True, eq=False)
 class PublicStart:
-    """A network that reads print.
-
-    Attributes:
-        body: network from a picture to features.
-        rows: for each character the (FEATURES,) weights and the bias of the head; "" is the blank.
-    """
+    """A network that reads print; `rows` are (FEATURES,) weights and bias of each character, "" the blank."""
 
     body: nn.Module
     rows: dict[str, tuple[Tensor, float]]
@@ -50,11 +45,7 @@ class PublicStart:
 
 
 def load_start() -> PublicStart:
-    """Load the network of the installed `rapidocr`.
-
-    Raises:
-        MarksError: `rapidocr` is not installed, or its model has another structure than expected.
-    """
+    """Load the network of the installed `rapidocr`. Raises MarksError without one of the expected structure."""
     import onnx
     from onnx2torch import convert
 

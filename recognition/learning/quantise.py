@@ -24,12 +24,9 @@ LAST = 3
 
 
 def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> None:
-    """Write a network with eight-bit convolutions.
+    """Write a network with eight-bit convolutions, scaled by (LAYERS, ROWS, columns) strips of all kinds.
 
     Weights use only seven bits: on some processors sums of eight-bit products overflow.
-
-    Args:
-        strips: (LAYERS, ROWS, columns) each, of all kinds of views, to determine the range of every layer.
     """
     import onnx
     from onnxruntime.quantization import (

@@ -36,11 +36,7 @@ _FIRST_JOINED = 54
 
 
 def recover(source: Path = PUBLISHED) -> Recogniser:
-    """Return the network whose export is an ONNX file.
-
-    Raises:
-        MarksError: the public network is not installed, or the file has another structure.
-    """
+    """Return the network whose export is an ONNX file. Raises MarksError for a file of another structure."""
     network = Recogniser(load_start(), CHARACTERS)
     # scales of normalisation multiply the weights before them, so these alone can stand for both
     weights = {name: w for name, w in network.named_parameters() if not _is_scale(name)}
@@ -79,7 +75,6 @@ def _laid(name: str, values: torch.Tensor) -> Numbers:
 
 
 def _key(name: str, exported: Mapping[str, Numbers]) -> str:
-    """Find the name under which the file holds some weights."""
     suffix = name.rsplit("_", 1)[-1]
     if suffix in _GATES:
         return f"ConvMulFusion_Mul_B_/body/HardSigmoid/{_GATES.index(suffix)}/Constant_output_0"

@@ -30,14 +30,9 @@ _H = HEIGHT_ROWS * _FINE
 def sketch_strips(
     fonts: Sequence[Path], rng: np.random.Generator, *, printed: float = 0.25
 ) -> list[TrainingStrip]:
-    """Strips of a line as felt or measured, and twice as photographed.
+    """Strips of a line as felt or measured, and twice as photographed. Raises MarksError: draw again.
 
-    Args:
-        printed: share of the second photographs that show the line in plain print, as the public network learned it:
-            so it forgets no letters.
-
-    Raises:
-        MarksError: the font cannot draw the random text; draw again.
+    A share of the second photographs is in plain print, as the public network learned it: so it forgets no letters.
     """
     font = draw_font(fonts, rng)
     text = "".join(map(str, rng.integers(0, 10, 6))) if rng.random() < 0.12 else draw_text(font, rng)
@@ -66,11 +61,7 @@ def _measure(drawn: Sketch) -> Field:
 
 
 def _touch(drawn: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> Field:
-    """Layers of the path of a ball that slides over the surface, and of its slopes along the passes.
-
-    Args:
-        preload: preload of the default touch, character heights: a lift as large as this doubles the moment.
-    """
+    """Layers of the path of a ball that slides over the surface, and of its slopes along the passes."""
     layers = _measure(drawn)
     radius = float(rng.uniform(0.03, 0.16)) * _H
     ball = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (max(1, round(0.5 * radius)) * 2 + 1,) * 2)
@@ -133,7 +124,6 @@ def photograph(drawn: Sketch, rng: np.random.Generator) -> Field:
 
 
 def _print(line: Sketch, rng: np.random.Generator) -> Field:
-    """Photograph a line in plain print: ink of one shade on paper of another, evenly lit."""
     paper, ink = rng.uniform(0.0, 1.0, 2)
     return _take_picture(
         np.asarray(paper + (ink - paper) * np.clip(line.ink, 0.0, 1.0), dtype=np.float32), rng
@@ -141,7 +131,6 @@ def _print(line: Sketch, rng: np.random.Generator) -> Field:
 
 
 def _take_picture(image: Field, rng: np.random.Generator) -> Field:
-    """Apply lens, sensor and file compression."""
     image = blur(image, float(rng.uniform(0.0, 0.05)) * _H)
     pixels = float(np.exp(rng.uniform(np.log(14.0), np.log(56.0)))) / _H
     size = (round(image.shape[1] * pixels), round(image.shape[0] * pixels))

@@ -32,7 +32,6 @@ def vary_surroundings(
     """Change the surroundings of strips, and turn some strips the wrong way up; those then have no text.
 
     Args:
-        strips: strips to learn from; those without places keep their surroundings.
         longer: share of the ends of lines where land is added.
         edge: share of the ends of lines where the part ends.
         turned: share of strips shown upside down or mirrored.

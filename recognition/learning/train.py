@@ -31,6 +31,9 @@ def train(
 ) -> None:
     """Train a network on the samples of folders.
 
+    Raises MarksError: the public network to start from is not installed; ValueError: there are no samples, or fewer
+    than a batch needs.
+
     Args:
         network: the recogniser, which learns from strips, or the finder, which learns from views.
         learn_from: folders of samples to learn from.
@@ -40,10 +43,6 @@ def train(
             point, are written beside it.
         log: file to which each report adds a line of JSON.
         threads: number of processor threads.
-
-    Raises:
-        MarksError: the public network to start from is not installed.
-        ValueError: there are no samples, or fewer than a batch needs.
     """
     torch.set_num_threads(threads)
     torch.manual_seed(how.seed)

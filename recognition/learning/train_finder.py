@@ -60,7 +60,6 @@ def draw_window(
     """Draw a window of a view at a random scale and rotation, with its truth.
 
     Args:
-        window: rows and columns; a window smaller than `WINDOW` lies at a line.
         plain: show the middle of the view at its true scale instead.
 
     Returns:

@@ -55,9 +55,6 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     The learning rate is relative to the root mean square of the weights of each array (default: 1e-3). The
     convolutions include their normalisation, so their weights differ in size a hundredfold. A single rate of 1.5e-4
     destroyed what the public network had learned.
-
-    Raises:
-        MarksError: the public network to start from is not installed.
     """
     network = Recogniser(load_start(), CHARACTERS)
     if how.noise:  # to measure the benefit of the public start
@@ -79,7 +76,6 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         return counts["all"][1], words
 
     def write(out: Path) -> None:
-        """Write ONNX for any number of strips of any length, in floating point and in eight bits."""
         whole = out.with_suffix(".float.onnx")
         export_float(network, whole)
         # a hundred strips give the ranges of the eight-bit layers
@@ -212,11 +208,7 @@ def batches(
 
 @dataclass(frozen=True)
 class Batch:
-    """Strips of one training step.
-
-    Attributes:
-        tall: (n, LAYERS, TALL_ROWS, columns) float16, each filled from the left.
-    """
+    """Strips of one training step, (n, LAYERS, TALL_ROWS, columns) float16, each filled from the left."""
 
     tall: Tensor
     columns: Tensor

@@ -80,13 +80,9 @@ def is_learnable(path: Path) -> bool:
 
 
 def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> TrainingFonts:
-    """Find all fonts in folders that have A-Z and 0-9 and may be used for training, each file name once.
+    """Find all fonts in folders that have A-Z and 0-9 and may be used for training. Raises MarksError without any.
 
-    Args:
-        held_out_share: share of the families that are never trained on, so that accuracy is measured on unseen fonts.
-
-    Raises:
-        MarksError: there are no such fonts.
+    A share of the families is never trained on, so that accuracy is measured on unseen fonts.
     """
     by_family: dict[str, list[Path]] = {}
     names: set[str] = set()

@@ -57,10 +57,7 @@ class Task:
     """A network and its training data.
 
     Attributes:
-        optimiser: optimiser of its weights; the learning rate of each group is its peak.
-        loss: loss of a batch; the generator, on the network's device, is the only source of randomness.
         measure: returns a figure on held-out samples (lower is better), and the result in words.
-        write: writes the network to an ONNX file.
         early: weights that are frozen at first (`Training.frozen_share`).
     """
 
@@ -96,10 +93,6 @@ def fit(
 
     Args:
         out: ONNX file; the torch weights are written beside it, and until the end the state of the run.
-        log: file to which each report adds a line of JSON.
-        average_steps, average_share: steps between two updates of the running mean, and the weight of an update.
-        report_steps: steps between two reports.
-        save_s, measure_s: seconds between two saved states, and between two reports with a measurement.
     """
     network, weights_at, state_at = task.network, out.with_suffix(".pt"), out.with_suffix(".state.pt")
     for path in (out, log):
@@ -173,7 +166,6 @@ def _restore(path: Path, task: Task, average: AveragedModel) -> int:
 
 
 def _rate(share: float, *, first: float = 0.03) -> float:
-    """Learning rate after a share of the samples, as a share of its peak: linear warm-up, then a cosine decay."""
     return (
         share / first if share < first else 0.5 * (1.0 + math.cos(math.pi * (share - first) / (1.0 - first)))
     )
@@ -187,12 +179,7 @@ def _report(log: Path, line: dict[str, Any]) -> None:
 def export(
     network: nn.Module, example: Tensor, out: Path, *, names: tuple[str, str], axes: Sequence[dict[int, str]]
 ) -> None:
-    """Write a network to an ONNX file.
-
-    Args:
-        example: example of its input.
-        axes: for input and output, the axes of variable length.
-    """
+    """Write a network to an ONNX file, by an example of its input; `axes` of input and output vary in length."""
     network.eval().to("cpu", memory_format=torch.contiguous_format)
     torch.onnx.export(
         network, (example,), str(out), input_names=[names[0]], output_names=[names[1]],

@@ -44,12 +44,7 @@ _DOTTED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class TrainingPart:
-    """A part with its scan and photographs.
-
-    Attributes:
-        scan: scan by a random plan, which assumes a character height that may be wrong.
-        photos: photographs, each with a random light and camera.
-    """
+    """A part with photographs and a scan, by a plan for a character height that may be wrong."""
 
     part: Part
     layout: Layout
@@ -77,15 +72,7 @@ def draw_text(font: Font, rng: np.random.Generator) -> str:
 def draw_font(
     fonts: Sequence[Path], rng: np.random.Generator, *, builtin: float = 0.2, parametric: float = 0.3
 ) -> Font:
-    """Draw a built-in font, a parametric face, or the font of a file.
-
-    Args:
-        builtin: share of built-in fonts.
-        parametric: share of parametric faces among the others.
-
-    Raises:
-        FontError: a file that cannot be used.
-    """
+    """Draw a built-in font, a parametric face, or the font of a file. Raises FontError."""
     if rng.random() < builtin:
         return load_font(str(rng.choice(BUILTIN_FONTS)))
     if rng.random() < parametric:
@@ -100,14 +87,7 @@ def draw_part(
     soils: Sequence[str] = SOILS_LEARNED,
     wider: float = 0.15,
 ) -> TrainingPart:
-    """Stamp, soil, scan and photograph a random part.
-
-    Args:
-        wider: spread of the logarithm of the factor by which a font is widened.
-
-    Raises:
-        MarksError: the drawn part is impossible; draw again.
-    """
+    """Stamp, soil, scan and photograph a random part. Raises MarksError if it is impossible: draw again."""
     dotted = rng.random() < _DOTTED
     font = draw_font(fonts, rng, builtin=0.5 if dotted else 0.2)
     text = draw_text(font, rng)
@@ -148,7 +128,6 @@ def _widen(font: Font, text: str, x_scale: float) -> Font:
 
 
 def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generator) -> Layout:
-    """Draw a layout: a straight line, one on an arc, or one with another line above or below it."""
     straight = Layout(turned_deg=float(rng.normal(0.0, 2.0)))
     kind = rng.random()
     if kind < 0.12:
@@ -193,7 +172,6 @@ def draw_touch(height_mm: float, rng: np.random.Generator, *, usual: float = 0.4
         usual: share of touches with the default whisker; the others range from nearly straight ones to feet of a
             third of the beam, with sensors from the clamp down to the foot, at preloads of half to one and a half of
             the default.
-        worn: share of tips that are up to two and a half times as large as new.
     """
     touch = default_touch(height_mm)
     if rng.random() >= usual:

@@ -49,7 +49,6 @@ class TrainingStrip:
     """A strip and its truth.
 
     Attributes:
-        layers: (LAYERS, TALL_ROWS, columns) float16, as in `recognition.see.view`.
         source: "felt", "photo" or "heights".
         places: first and last column of each character of the text; empty if unknown.
     """
@@ -66,7 +65,6 @@ class TrainingView:
     """A view and its lines.
 
     Attributes:
-        layers: (LAYERS, rows, columns) float16, heights in character heights.
         lines: for each line x and y of points along its middle, pixels.
     """
 
@@ -85,7 +83,6 @@ def lines_of(drawn: TrainingPart) -> list[tuple[TextLine, str, Places]]:
 
 
 def _line(text: str, boxes_mm: NDArray[np.float64], drawn: TrainingPart) -> tuple[TextLine, str, Places]:
-    """A line, its text, and the first and last column of each character in its strip; no columns on an arc."""
     height_mm, layout = drawn.part.height_mm, drawn.layout
     middles, half = 0.5 * (boxes_mm[:, :2] + boxes_mm[:, 2:]), 0.5 * (boxes_mm[:, 2] - boxes_mm[:, 0])
     inked = np.array([c != " " for c in text])
@@ -110,11 +107,7 @@ def _line(text: str, boxes_mm: NDArray[np.float64], drawn: TrainingPart) -> tupl
 
 
 def views_of(drawn: TrainingPart) -> list[View]:
-    """Return the views of a part: felt, photographed and measured.
-
-    Raises:
-        MapError: nothing was felt.
-    """
+    """Return the views of a part: felt, photographed and measured. Raises MapError if nothing was felt."""
     edges = edge_map(drawn.scan)
     views = [felt_view(edges, relief_of(drawn.scan, edges))]
     width, height = drawn.part.height_map.size_mm
@@ -126,11 +119,7 @@ def views_of(drawn: TrainingPart) -> list[View]:
 
 
 def strips_of(drawn: TrainingPart) -> list[TrainingStrip]:
-    """Strips of the lines of a part: felt, photographed and measured.
-
-    Raises:
-        MapError: nothing was felt.
-    """
+    """Strips of the lines of a part: felt, photographed and measured. Raises MapError."""
     lines, severity = lines_of(drawn), drawn.part.soiling.severity
     strips = []
     for view in views_of(drawn):
@@ -141,11 +130,7 @@ def strips_of(drawn: TrainingPart) -> list[TrainingStrip]:
 
 
 def training_views(drawn: TrainingPart) -> list[TrainingView]:
-    """Views of a part: felt, photographed and measured.
-
-    Raises:
-        MapError: nothing was felt.
-    """
+    """Views of a part: felt, photographed and measured. Raises MapError."""
     lines = [line.centre_mm for line, _, _ in lines_of(drawn)]
     views, scale = [], VIEW_ROWS / drawn.part.height_mm
     for view in views_of(drawn):
@@ -173,11 +158,7 @@ def write_samples(path: Path, samples: Sequence[Sample]) -> None:
 
 
 def files_in(folders: Iterable[Path]) -> list[Path]:
-    """Return the sample files in folders, without those that are being written.
-
-    Raises:
-        ValueError: the folders hold no samples.
-    """
+    """Return the sample files in folders, without those that are being written. Raises ValueError without any."""
     files = sorted(p for folder in folders for p in folder.glob("*.npz") if not p.name.startswith("."))
     if not files:
         raise ValueError(f"there are no samples in {', '.join(map(str, folders))}: draw some first")
@@ -202,11 +183,7 @@ def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
 def rounds(
     kind: type[Sample], folders: Sequence[Path], rng: np.random.Generator, *, files: int
 ) -> Iterator[list[Sample]]:
-    """Yield the samples of `files` files at a time, endlessly; files added to the folders meanwhile are read as well.
-
-    Raises:
-        ValueError: there are no files.
-    """
+    """Yield the samples of `files` files at a time, endlessly; files added meanwhile are read. Raises ValueError."""
     waiting: list[Path] = []
     while True:
         if len(waiting) < files:

@@ -49,14 +49,10 @@ def centre_line(
     size would put the ends beside the groove.
 
     Args:
-        face: face of the die; the points of a dotted one are its dots.
-        step_heights: distance of points along a stroke, character heights: that of the samples, 40 to the height.
         ridge_share: minimum half width of an outline's limbs, as a share of the median: thinner ones are corners, and
             serifs too thin for a tip.
 
-    Raises:
-        FontError: the font lacks the character.
-        StampError: a dotted die cannot stamp an outline font.
+    Raises FontError or StampError.
     """
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)

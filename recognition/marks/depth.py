@@ -70,8 +70,7 @@ class MarkDepth:
     other side of the land, such as over a filled stroke.
 
     Attributes:
-        min_mm: 10th percentile over the centre line.
-        max_mm: 90th percentile over the centre line.
+        min_mm, max_mm: 10th and 90th percentile over the centre line.
         burr_mm: height of the rim beside the strokes above the land ("high metal"), 90th percentile; for a raised mark
             the depth of the rim below the land. None if unknown.
         sd_mm: standard deviation of the mean depth from that of the clean mark; None if unknown.
@@ -122,12 +121,7 @@ class _Mark:
 
 
 def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> _Mark:
-    """The centre line of a character laid on a relief.
-
-    Args:
-        relief: the surface as felt; the points allow for a margin of one sample around it.
-        ahead_heights: distance along a normal at which its direction is determined, character heights.
-    """
+    """The centre line of a character laid on a relief."""
     line = centre_line(laid.font, laid.text[place], face=laid.face)
     on, ahead = (
         (laid.points_mm(place, points) - relief.origin_mm)[:, ::-1] / relief.pitch_mm + 1.0
@@ -138,7 +132,6 @@ def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 
 
 
 def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bool_]:
-    """Felt samples away from the ink and the burr of every character."""
     bare = np.ones(depth.shape, dtype=np.bool_)
     for mark in marks:
         row, col = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1).T
@@ -184,7 +177,6 @@ def _depth(
 
 
 def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float | None:
-    """Height of the rim beside the strokes above the land; None if too little of it was felt."""
     # from the stroke's edge to where land begins
     beside = mark.half_width + np.linspace(0.0, BURR_REACH_HEIGHTS * height, 9)
     rises = [-across(depth, mark.points, mark.normals, side, plane) for side in (-beside, beside)]

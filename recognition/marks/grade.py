@@ -102,12 +102,7 @@ class MarkGrade:
 
 
 def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.58) -> list[Edges | None]:
-    """Felt and predicted edges at each place of a text; None if either is missing.
-
-    Args:
-        tall_heights: distance up and down from the middle of a character within which edges are compared, character
-            heights.
-    """
+    """Felt and predicted edges at each place of a text, `tall_heights` up and down; None if either is missing."""
     glyphs, tall = glyph_images(templates, pixels=PIXELS), round(tall_heights * PIXELS)
     images = dict(zip(glyphs.chars, glyphs.images, strict=True))
     edges: list[Edges | None] = []
@@ -129,11 +124,7 @@ def edge_fit(edges: Sequence[Edges | None]) -> float:
 
 
 def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tuple[MarkGrade | None, ...]:
-    """The grade of every character of a text; None if its edges are unknown.
-
-    Args:
-        least_felt: a direction counts as felt if its strongest edge reaches this share of the strongest of all.
-    """
+    """Grades of a text's characters; a direction is felt if its strongest edge has `least_felt` of the strongest."""
     known = [np.abs(pair[0]).max(axis=(0, 1)) for pair in edges if pair is not None]
     peaks = np.max(known, axis=0) if known else np.zeros(0)
     felt = peaks >= least_felt * peaks.max(initial=0.0)

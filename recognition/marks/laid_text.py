@@ -77,11 +77,7 @@ class LaidText:
         return TextLine(np.array(middles), self.felt.line.height_mm).turned_deg
 
     def points_mm(self, place: int, points: Floats) -> Floats:
-        """(n, 2) x, y of points of the character at a place.
-
-        Args:
-            points: (n, 2) from its reference point to the right and down, character heights.
-        """
+        """(n, 2) x, y of points of the character at a place, from its reference point, character heights."""
         character = self.laid[place]
         assert character is not None
         return self.felt.places_mm(place, points_at(character.pose, points))
@@ -105,7 +101,6 @@ def laid_text(
     None if no font has any of its characters, or if the line has another number of places.
 
     Args:
-        stand_ins: further fonts; one of them is used if it fits clearly better.
         clearly: mean correlation by which it must fit better. Of 24 lines of the exam whose true font was named, 19 fit
             it best, 3 fit another one better by less than this, and 2 by 0.08.
     """

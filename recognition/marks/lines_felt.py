@@ -25,11 +25,7 @@ from whisker_array.scan.sweep import Sweep
 
 @dataclass(frozen=True)
 class LackingLines:
-    """A place with too few scan lines to exclude its rivals.
-
-    Attributes:
-        along_x: whether lines along x are missing, or else along y.
-    """
+    """A place with too few scan lines, along x or else along y, to exclude its rivals."""
 
     place: int
     along_x: bool
@@ -48,10 +44,9 @@ def places_lacking_lines(
     height_mm: float,
     widest_gap_heights: float = 0.3,
 ) -> tuple[LackingLines, ...]:
-    """Find places with rivals over which lines of an axis are missing.
+    """Find places with rivals, or unknown ones, over which lines of an axis are missing.
 
     Args:
-        strokes: strokes of its rivals; if they are unknown, every place counts as having rivals.
         widest_gap_heights: widest gap allowed between lines of an axis over a character, character heights: a little
             more than the quarter at which active touch lays them. Of 180 dirty parts, two wrong serials were accepted
             from lines of one axis alone; neither was with a gap of 0.26 or 0.13.
@@ -66,7 +61,6 @@ def places_lacking_lines(
 
 
 def _gap_mm(scan: Scan, box: Box, *, along_x: bool) -> float:
-    """Widest stretch across a box that no usable line of an axis crosses."""
     spans = ((box.x0_mm, box.x1_mm), (box.y0_mm, box.y1_mm))
     along, (low, high) = spans if along_x else spans[::-1]
     sweeps = [s for s in scan.sweeps if s.plan.direction.along_x == along_x and not s.plan.pushed]

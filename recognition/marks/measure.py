@@ -35,11 +35,7 @@ Predict = Callable[..., TemplateSet]
 
 @dataclass(frozen=True, eq=False)
 class MarkFonts:
-    """Fonts along whose strokes marks are measured.
-
-    Attributes:
-        stand_ins: further fonts, whose strokes are compared with the part's.
-    """
+    """Fonts along whose strokes marks are measured, and stand-ins whose strokes are compared with them."""
 
     fonts: tuple[Font, ...]
     stand_ins: tuple[Font, ...]
@@ -54,11 +50,7 @@ class MarkFonts:
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """The felt marks of a line.
-
-    Attributes:
-        clipped_mm: (n, 2) x, y of clipped samples: characters there have no depth.
-    """
+    """The felt marks of a line; characters with clipped samples, (n, 2) x, y, have no depth."""
 
     felt: FeltLine
     relief: Relief
@@ -142,7 +134,6 @@ class TextMarks:
 
     @cached_property
     def _edges(self) -> list[Edges | None] | None:
-        """Edges of the text in the part's font; None if that is unknown."""
         along, fonts = self.along, self.marks.fonts
         if along is None or not self.font_fits:
             return None
@@ -177,11 +168,7 @@ class TextMarks:
         )
 
     def strokes(self, lattice: Lattice, *, slope: float) -> tuple[PlaceStrokes, ...]:
-        """Felt strokes, place by place, of the text and its rivals; empty if unknown.
-
-        Args:
-            slope: calibration slope of the posteriors, in log odds (`recognition.decide.score`).
-        """
+        """Felt strokes of the text and its rivals, place by place, by the score's `slope`; empty if unknown."""
         key = lattice, slope
         if key not in self._strokes:
             laid = self.laid
@@ -218,7 +205,6 @@ def _clipped_places(
     """Places with clipped samples; all of them if the land is clipped as well.
 
     Args:
-        few: number of clipped samples from which the depth of a character is not trusted.
         land_share: clipped samples outside of the characters, as a share of all samples, from which the level of the
             land, and so every depth, is not trusted.
     """

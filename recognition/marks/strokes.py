@@ -53,7 +53,6 @@ class RivalStrokes:
     Attributes:
         margin: evidence of the strokes for the character that was read, nats; negative if it supports the rival.
         more_heights: length of the strokes that only the rival has, character heights.
-        hidden: share of `more_heights` where nothing could be felt.
     """
 
     char: str
@@ -74,8 +73,6 @@ class PlaceStrokes:
     """Felt strokes of the character that was read at a place.
 
     Attributes:
-        felt: share of its strokes that was felt, in the best-fitting font; None if no font has the character.
-        score: correlation of the depths about the place with those of the character, at most 1.
         rivals: characters that the format allows and that are probable, or easily confused with this one.
     """
 
@@ -87,13 +84,6 @@ class PlaceStrokes:
 
 @dataclass(frozen=True, eq=False)
 class _Strokes:
-    """Points along the strokes of a character that is laid on a place.
-
-    Attributes:
-        points: (n, 2) to the right and down from the middle of the place, character heights, `STEP_HEIGHTS` apart.
-        within: (n,) whether the point is in the place, not in its neighbours.
-    """
-
     points: Floats
     felt: Bools
     open: Bools
@@ -114,11 +104,6 @@ class StrokeSurface:
         beside_heights: float = 0.07,
         heap_share: float = 0.5,
     ) -> None:
-        """Smooth the depths.
-
-        Args:
-            heap_share: height above the land from which dirt hides what is below, as a share of the line's depth.
-        """
         self.strip = strip
         near, beside = (2 * round(far * PIXELS) + 1 for far in (near_heights, beside_heights))
         self._near = near
@@ -161,11 +146,7 @@ class StrokeSurface:
         felt_noise: float = 3.0,
         least_deep: float = 0.35,
     ) -> _Strokes:
-        """The strokes of a character in a pose.
-
-        Args:
-            felt_noise: multiple of the land's spread that a felt stroke must reach as well.
-        """
+        """The strokes of a character in a pose; a felt one also reaches `felt_noise` times the land's spread."""
         points = points_at(pose, _pieces(font, char))
         middle = np.array([self.strip.columns[place], self.strip.known.shape[0] // 2])
         column, row = np.rint(middle + points * PIXELS).astype(np.intp).T
@@ -191,13 +172,10 @@ def strokes_of(
 ) -> tuple[PlaceStrokes, ...]:
     """Compute the felt strokes of the characters of a text and of their rivals.
 
-    Args:
-        slope: calibration slope of the probabilities, in log odds (`recognition.decide.score`).
         filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
         filled_of_missing: increase of that probability with the missing share of the line's strokes.
 
-    Returns:
-        One value for each place; empty if text and lattice differ in their number of places.
+    Returns one value for each place; empty if text and lattice differ in their number of places.
     """
     felt, font = laid.felt, laid.font
     if lattice.n_places != len(laid.text):
@@ -232,7 +210,6 @@ def _pieces(font: Font, char: str) -> Floats:
 
 
 def _rivals(char: str, chars: Sequence[str], log_belief: Floats, slope: float) -> list[tuple[str, float]]:
-    """List probable rivals, and easily confused ones that the format allows, with their calibrated probabilities."""
     total = np.logaddexp.reduce(log_belief)
     power = slope * (log_belief - total)
     beliefs = np.exp(power - np.logaddexp.reduce(power) + total)

@@ -32,8 +32,6 @@ class LineDepths:
     """Depths of a line's characters along the strokes of a named font, or of the font that fits each of them.
 
     Attributes:
-        laid: the line's text, laid in the font that fits it best, of the named ones if any is named.
-        others: the text laid in other fonts.
         named: whether a font is named. It is wrong if another one fits better by `clear_gain`, and well: dots, sharp
             grooves and dirt give the right font 0.2 to 0.85, and others then fit no better, or badly as well.
     """
@@ -101,10 +99,6 @@ def strokes_fit(
 
     A stroke beside a groove, and one that is filled, makes the depth uneven. So does a blow that leans: it is left
     out as well.
-
-    Args:
-        shallower, deeper: greatest difference of the least and the greatest depth from the mean, as a share of it.
-        most_sd_mm: greatest `MarkDepth.sd_mm`: dirt on the land hides its level.
     """
     low, high = (1.0 - shallower) * depth.mean_mm, (1.0 + deeper) * depth.mean_mm
     even = low <= depth.min_mm and depth.max_mm <= high

@@ -24,12 +24,7 @@ from glyphs.compiled import kernel
 
 @dataclass(frozen=True, eq=False)
 class PlaceBelief:
-    """Posteriors of a line of a known number of places.
-
-    Attributes:
-        log_belief: (places, C) natural logarithms; each row sums to 1 in probability.
-        frame: (places,) position of each place in frames, mean of its posterior.
-    """
+    """Posteriors of a line of a known number of places, (places, C); a row sums to 1 in probability."""
 
     log_belief: NDArray[np.float64]
     log_evidence: float
@@ -47,7 +42,6 @@ def _add(a: float, b: float) -> float:
 
 @kernel()
 def _part(a: float, b: float) -> float:
-    """The share exp(a - b); 0 if both are -inf."""
     return math.exp(a - b) if a > -np.inf else 0.0
 
 
@@ -115,11 +109,7 @@ def place_belief(
 ) -> PlaceBelief | None:
     """Posteriors of every place over all texts with a given number of places.
 
-    Args:
-        log_chars: (frames, C) log probability of each character; other characters may be left out.
-
-    Returns:
-        The posteriors; None where no text of the format is possible at all (fewer frames than places).
+    Returns None where no text of the format is possible at all (fewer frames than places).
     """
     inputs = _as_inputs(log_blank, log_chars)
     table = np.ascontiguousarray(allowed, dtype=np.bool_)

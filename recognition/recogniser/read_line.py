@@ -46,12 +46,8 @@ class ReadLine:
 
     Attributes:
         lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
-        columns: (places,) of the lattice, where each stands on the strip.
         evidence: log probability of all that the format allows together; 0 where nothing is known.
         count_probability: probability that there are so many places; 1 where a format says so.
-        other_ways: the line as one look reads it in other orientations in which its text may be read; None where it
-            reads nothing.
-        faces: probability of each face that the line may be in, and of none; empty if it was not compared with faces.
     """
 
     line: TextLine
@@ -189,11 +185,7 @@ def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, 
 
 
 def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:
-    """Leave some probability to every allowed character of a place.
-
-    Args:
-        slip: share of the probability that all allowed characters have alike, whatever the experts say.
-    """
+    """Leave some probability, `slip`, to every allowed character of a place, whatever the experts say."""
     log, allowed = lattice.log_belief, np.isfinite(lattice.log_belief)
     read = np.logaddexp.reduce(log, axis=1, keepdims=True)
     even = read + np.log(slip / np.maximum(allowed.sum(axis=1, keepdims=True), 1))
@@ -204,11 +196,7 @@ def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:
 def _lattice(
     looks: Sequence[Steps], posteriors: Posteriors, *, near_steps: float = 1.0
 ) -> tuple[Lattice, Floats] | None:
-    """Average the looks, by view, to a lattice and its columns; None without posteriors.
-
-    Args:
-        near_steps: beside a place's middle, or its spread, where its character must show.
-    """
+    """Average the looks, by view, to a lattice and its columns; None without posteriors."""
     logs: dict[int, list[Floats]] = {}
     columns, read = [], []
     for steps, places in zip(looks, posteriors, strict=True):
@@ -240,14 +228,7 @@ def word_gaps(
     wide_heights: float = 0.5,
     wide_ratio: float = 1.45,
 ) -> frozenset[int]:
-    """Find the places after which there is a space: a probable one, or a wide step with a less probable one.
-
-    Args:
-        least_gap: probability of a word gap between two places from which there is one.
-        least_wide_gap: the same if the step is wider than a narrow sign can explain.
-        wide_heights: a wide step exceeds the usual step by more than this many character heights.
-        wide_ratio: a wide step exceeds the usual step by more than this factor.
-    """
+    """Find the places after which there is a space: a probable one, or a wide step with a less probable one."""
     if columns.size < 3:
         return frozenset()
     step = np.diff(columns) / HEIGHT_ROWS

@@ -55,9 +55,6 @@ def wider_for(advance: float, *, usual: float = 1.05, least: float = 0.8, most: 
         advance (lines)     heights            photographs
         below 0.45 (87)     95.5 % (94.0)      78.3 % (74.9)
         above 1.2 (61)      99.2   (98.0)      83.0   (79.9)
-
-    Args:
-        usual: advance of widened characters; 1.0 to 1.2 read as much.
     """
     return min(max(usual / advance, least), most)
 

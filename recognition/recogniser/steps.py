@@ -32,8 +32,6 @@ class Steps:
     """Posteriors along a line.
 
     Attributes:
-        log_chars: (steps, C) log posterior of each of `chars`.
-        columns: (steps,) column of the strip at the middle of each step.
         gap: (steps,) probability of a word gap, which `log_blank` includes; None if not computed.
         small: (steps,) posterior of small letters, which `log_chars` counts as capitals; or None.
     """

@@ -59,10 +59,7 @@ class Code:
 
 
 def codes_of(photo: Photo) -> tuple[Code, ...]:
-    """Decode the codes of a photograph; each text once.
-
-    Several photographs are tried in turn until one shows a code: another light may show it.
-    """
+    """Decode the codes of a photograph, each text once; of several, those are tried until one shows a code."""
     for one in (photo, *photo.others):
         found = next((codes for variant in _variants(one) if (codes := _decode(*variant, photo))), ())
         if found:
@@ -112,14 +109,7 @@ def _decode(grey: NDArray[Any], try_inverted: bool, frame: Photo) -> tuple[Code,
 def without_codes(
     photo: Photo, codes: Sequence[Code], *, quiet: float = 0.06, fill_radius: float = 4.0
 ) -> Photo:
-    """Paint the surrounding land over the codes, in a photograph and its others.
-
-    Args:
-        photo: at any size, in the frame of the codes; returned as it is if there are no codes.
-        codes: decoded codes.
-        quiet: margin filled around a code, as a share of its size: the blurred rim of its modules.
-        fill_radius: radius of the neighbourhood that a filled pixel is computed from, px.
-    """
+    """Paint the land over the codes, and the blurred rim of their modules, in a photograph and its others."""
     if not codes:
         return photo
     from glyphs.opencv import cv2

@@ -11,13 +11,7 @@ _ARC_POINTS = 33
 
 
 def straight_through(points: Points, *, before: float, after: float) -> Points:
-    """(2, 2) ends of the straight line that fits best.
-
-    Args:
-        points: (n, 2) middles of characters or of parts of the line, in the order of reading, one at least.
-        before: length of the line before the first point.
-        after: length of the line after the last point.
-    """
+    """(2, 2) ends of the best line through (n, 2) middles in the order of reading, lengthened before and after."""
     points = np.asarray(points, dtype=np.float64)
     if len(points) < 2:
         return np.array([points[0] - (before, 0.0), points[0] + (after, 0.0)])
@@ -31,10 +25,7 @@ def arc_through(
 ) -> Points | None:
     """(n, 2) points along the circle nearest the points (Kasa's fit); None if it hardly bends or with too few points.
 
-    Args:
-        points, before, after: as in `straight_through`.
-        height: height of the characters, in the same unit.
-        least_sag: sagitta, in heights, below which an arc is a straight line.
+    `least_sag` is the sagitta, in heights, below which an arc is a straight line.
     """
     points = np.asarray(points, dtype=np.float64)
     if len(points) < 4:

@@ -31,14 +31,7 @@ class PictureFault(StrEnum):
 def picture_fault(
     photo: Photo, *, white: float = 0.99, white_share: float = 0.5, least_range: float = 0.06
 ) -> PictureFault | None:
-    """Why a photograph has no edges; None if it has some, or if another of the part has.
-
-    Args:
-        photo: the photograph, with its others.
-        white: brightness from which a pixel is overexposed, 0 to 1.
-        white_share: share of overexposed pixels from which the exposure is at fault.
-        least_range: range of the brightness, less noise, from which the focus is at fault, 0 to 1.
-    """
+    """Why a photograph has no edges: overexposed or out of focus; None if it has some, or another of the part has."""
     if any(picture_fault(other) is None for other in photo.others):
         return None
     grey = photo.grey()
@@ -58,14 +51,11 @@ def has_edges(
     colour: float = 1.3,
     smooth_ratio: float = 0.4,
 ) -> bool:
-    """Whether values on a grid have edges that neither noise nor blur explains.
+    """Whether values on a grid have edges that neither noise nor blur explains; `step` is their least difference.
 
     Args:
-        values: (rows, columns) brightness or heights; unknown ones are NaN.
-        step: least difference of two values.
         noise_ratio: ratio of the strongest contrast of an octave and its noise from which it is no noise; of white
             noise it is 2, after JPEG at most 2.6.
-        colour: greatest ratio of the noise of an octave and that of white noise.
         smooth_ratio: ratio of the contrasts of an octave and of the next coarser one up to which values are smooth.
     """
     known = np.isfinite(values)
@@ -87,10 +77,7 @@ def has_edges(
 def _octaves(values: Floats, *, finest_blur: float = 12.0) -> Iterator[tuple[Floats, Floats]]:
     """Octaves of a picture, fine to coarse, each with the picture without it and all finer ones.
 
-    Args:
-        values: (rows, columns) of the picture.
-        finest_blur: ratio of the picture's smaller side and of the coarsest octave: a blur as wide hides characters of
-            any height.
+    `finest_blur` is the ratio to the coarsest octave: a blur as wide hides characters of any height.
     """
     from glyphs.opencv import cv2
 

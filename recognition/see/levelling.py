@@ -36,12 +36,10 @@ def fill_gaps(
     that is filled has measured samples on both sides and along it.
 
     Args:
-        height_map: surface of the part.
         reach_mm: greatest distance of a filled sample from a measured one; strokes are at least 0.2 mm wide.
         least_reach_px: the same in samples, for coarse maps: single samples, lines, and pairs of them.
         least_share: least share of measured samples within three samples of a filled one; where fewer are known, a
             stroke would be mostly invented.
-        rounds: passes of the mean over the neighbours.
     """
     z = height_map.z_mm
     missing = np.isnan(z)
@@ -65,13 +63,7 @@ def fill_gaps(
 
 
 def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float = 0.02) -> tuple[str, ...]:
-    """Say how many samples of a map were filled; empty if hardly any.
-
-    Args:
-        measured: the map as it was measured.
-        mounted: the same map, after `level`.
-        least_share: least share of filled samples that is worth a note: the rim of a mesh has less.
-    """
+    """Say how many samples of a map were filled when it was levelled; the rim of a mesh has less than `least_share`."""
     missing, left = (float(np.isnan(surface.z_mm).mean()) for surface in (measured, mounted))
     if missing - left < least_share:
         return ()
@@ -88,13 +80,10 @@ def square_to_plate(
     At 30 degrees, depths along z are 15 % too large, and characters 13 % too narrow along the slope.
 
     Args:
-        height_map: surface of the part.
-        soil: dirt on it, on the same grid.
         level_deg: tilt up to which the map stays as it is: its depths are at most 0.06 % too large.
         most_deg: tilt from which it stays as it is, too: no instrument sees a plate from so far aside.
 
-    Raises:
-        MapError: a soil on another grid, or a map that is too large in the plate's frame.
+    Raises MapError for a soil on another grid, or a map that is too large in the plate's frame.
     """
     if soil is not None:
         check_soil(soil, height_map.shape)
@@ -132,11 +121,6 @@ def _plate_slope(height_map: HeightMap, *, fewest: int = 100, differ: float = 0.
 
     The median slope is that of the land, because marks rise as often as they fall. On saw teeth and on steps it differs
     from the mean slope.
-
-    Args:
-        height_map: surface of the part.
-        fewest: least number of slopes.
-        differ: greatest difference of the mean slope from the median one, as a share of it.
     """
     z = height_map.z_mm
     lag, step = max(1, min(z.shape) // 50), max(1, int(np.sqrt(z.size / 40_000)))
@@ -159,13 +143,7 @@ def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> Height
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
     grid. Only the mounting is imitated; edges are not filtered.
 
-    Args:
-        height_map: surface of the part.
-        degree: degree of the polynomial.
-        rounds: most rounds of the fit.
-
-    Raises:
-        MapError: the heights are few, or lie on one line.
+    Raises MapError if the heights are few, or lie on one line.
     """
     _check_spread(np.isfinite(height_map.z_mm))
     z = fill_gaps(height_map).z_mm
@@ -206,14 +184,9 @@ def _check_spread(known: NDArray[np.bool_]) -> None:
 
 
 class _Terms:
-    """Products u^i v^j with i + j up to a degree on a grid, and the sums over the grid that a fit needs.
-
-    Attributes:
-        power_u, power_v: (terms,) i and j.
-    """
+    """Products u^i v^j with i + j up to a degree on a grid, and the sums over the grid that a fit needs."""
 
     def __init__(self, u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> None:
-        """Prepare the sums for coordinates u (cols,) and v (rows,)."""
         pairs = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
         self.power_u, self.power_v = np.array(pairs).T
         self._u, self._v = (np.vander(a, 2 * degree + 1, increasing=True) for a in (u, v))
@@ -231,7 +204,6 @@ class _Terms:
         return np.asarray(sums[self.power_v, self.power_u])
 
     def surface(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The polynomial, (rows, cols)."""
         table = np.zeros((self._n, self._n))
         table[self.power_v, self.power_u] = coefficients
         return np.asarray(self._v[:, : self._n] @ (table @ self._u[:, : self._n].T))

@@ -51,13 +51,7 @@ def cut(photo: Photo, area: tuple[float, float, float, float]) -> Photo:
 def area_about(
     line: TextLine, photo: Photo, *, along: float = 6.0, across: float = 2.5
 ) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom of the land around a line, as shares of a photograph.
-
-    Args:
-        line: the line.
-        photo: the photograph.
-        along, across: land before and after the line, and above and below its middle, character heights.
-    """
+    """Left, top, right and bottom of the land around a line, character heights, as shares of a photograph."""
     rows, columns = photo.shape
     low, high = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
     margin = line.height_mm * np.where(high - low > line.height_mm, along, across)
@@ -70,13 +64,7 @@ def area_about(
 def pixels_of(
     area: tuple[float, float, float, float], shape: Sequence[int], *, least: int = 8
 ) -> tuple[slice, slice]:
-    """Rows and columns of left, top, right and bottom, in shares of (rows, columns).
-
-    Args:
-        area: the shares.
-        shape: rows and columns of the whole.
-        least: least number of each.
-    """
+    """Rows and columns, `least` each, of left, top, right and bottom as shares of (rows, columns)."""
 
     def pixels(low: float, high: float, n: int) -> slice:
         first = max(min(math.floor(low * n), n - least), 0)

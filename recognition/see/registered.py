@@ -34,11 +34,7 @@ def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
 
     If there are four or more lights, a view of the slopes comes first; it shows no stains.
 
-    Args:
-        photo: the first photograph, with its others.
-
-    Returns:
-        The views: the slopes, the first photograph, the others. Then the numbers of those left out, counted from 1.
+    Returns the slopes, the first photograph, the others, and the numbers of those left out, from 1.
     """
     first = photo_view(photo)
     if not photo.others:
@@ -64,7 +60,6 @@ def stainless_view(photo: Photo) -> View | None:
 
 
 def _slopes(views: list[View]) -> list[View]:
-    """View of the slopes, if the lights show them."""
     known = np.all([view.layers[KNOWN] > 0.5 for view in views], axis=0)
     # what a photograph does not show is filled from the first, so that no edge appears there
     first = views[0].layers[GREY]
@@ -85,11 +80,7 @@ def _gradient(grey: Floats, scale: float) -> Floats:
 
 
 def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDArray[np.float32] | None:
-    """(2, 3) map from the first photograph to the other; None if they show different things.
-
-    Args:
-        least_alike: least correlation of the sizes of the gradients in two photographs of the same thing.
-    """
+    """(2, 3) map from the first photograph to the other; None if the sizes of their gradients are not alike."""
     from glyphs.opencv import cv2
 
     (x, y), _ = cv2.phaseCorrelate(steady, moving, cv2.createHanningWindow(steady.shape[::-1], cv2.CV_32F))

@@ -17,8 +17,6 @@ def resample(
     """Resample layers to another pitch, from the same origin; blur them first if the new pitch is coarser.
 
     Args:
-        view: the view.
-        pitch_mm: the new pitch.
         blur: for a new pitch r times the old one, r > 1, sigma of the blur is `blur * (r - 1)` old pixels.
         most_blurred: ratio of the pitches from which the view is halved first: a wide blur of many pixels takes long.
     """
@@ -51,10 +49,7 @@ def resample(
 
 
 def turn_view(view: View, turned_deg: float) -> View:
-    """Turn the axes of a view clockwise as seen: lines with this rotation become level.
-
-    The origin of its frame is the middle of the view (`turn_back` converts positions back).
-    """
+    """Turn the axes of a view clockwise as seen about its middle: lines with this rotation become level."""
     from glyphs.opencv import cv2
 
     cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))

@@ -31,7 +31,6 @@ def slope_picture(
     """Picture of the slopes, dark on light, (rows, cols) 0 to 1; None for too few photographs or only one light.
 
     Args:
-        photographs: brightness of each, (rows, cols) 0 to 1, registered.
         near: sigma of the blur that gives local brightness, as a share of the longer side.
         least_share: least share of all changes in two components if the light changed; of noise it is 2 / (n - 1).
     """

@@ -31,10 +31,6 @@ class TextLine:
     Attributes:
         centre_mm: (n, 2) at least two points x, y in the frame of the view, from the left edge of the first character
             to the right edge of the last.
-        height_mm: height of the characters.
-
-    Raises:
-        ValueError: fewer than two points, points that are not finite, or a curve or height of length 0.
     """
 
     centre_mm: Points
@@ -87,14 +83,7 @@ class TextLine:
     def places_mm(
         self, columns: Points, rows: Points | float, *, margin: float = MARGIN, of_rows: float = ROWS
     ) -> Points:
-        """(..., 2) x, y of points of its strip, at columns and rows counted from the middle of the first pixel.
-
-        Args:
-            columns: (n,) along the line; a curve continues straight beyond its ends.
-            rows: (n,) down, or (rows, 1) for a grid of all rows and columns.
-            margin: margin of the strip, character heights.
-            of_rows: number of rows of the strip.
-        """
+        """(..., 2) x, y of points of its strip, at columns and rows counted from the middle of the first pixel."""
         on, down = self._frames(columns, margin)
         far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)
         return np.asarray(on + far[..., None] * down)

@@ -62,16 +62,8 @@ class View:
     """A view of a part: layers on a grid.
 
     Attributes:
-        kind: source of the view.
         layers: (LAYERS, rows, columns) float32, read-only, finite.
         pitch_mm: pitch of the grid; 1 for a photograph of unknown scale, whose millimetres are pixels.
-        origin_mm: x, y of the first pixel.
-        touch: touch with which it was felt, if known.
-        edges: edge map that it shows, of the whole part; None for a photograph.
-        relief: heights and slopes by touch, of the whole part; None if there are none.
-
-    Raises:
-        ValueError: another number of layers, values not finite, a pitch that is not positive.
     """
 
     kind: ViewKind
@@ -149,14 +141,7 @@ class View:
     ) -> Layers:
         """Cut out a line, straightened, with characters of one size.
 
-        Args:
-            line: position of the line.
-            rows: number of rows; the middle one is the middle of the line.
-            margin: margin of land before and after it, character heights.
-            zoom: pixels per pixel of a usual strip.
-
-        Returns:
-            (LAYERS, rows * zoom, columns), heights in character heights.
+        Returns (LAYERS, rows * zoom, columns), heights in character heights; the middle row is that of the line.
         """
         if line.height_mm / (HEIGHT_ROWS * zoom) >= _AVERAGED_FROM * self.pitch_mm:
             return self.halved.strip(line, rows=rows, margin=margin, zoom=zoom)
@@ -168,12 +153,7 @@ class View:
         return strip
 
     def sample(self, places_mm: NDArray[np.float64], turned_deg: float) -> Layers:
-        """(LAYERS, rows, columns) at positions; unknown samples and their neighbours are zero.
-
-        Args:
-            places_mm: (rows, columns, 2) x, y.
-            turned_deg: rotation of their rows, clockwise as seen.
-        """
+        """(LAYERS, rows, columns) at (rows, columns, 2) x, y; unknown samples and their neighbours are zero."""
         from glyphs.opencv import cv2
 
         x, y = (((places_mm[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
@@ -187,12 +167,7 @@ class View:
 
 
 def turned_edges(edges: Layers, turned_deg: float) -> Layers:
-    """Edges of passes along turned axes: slopes add like components of a vector.
-
-    Args:
-        edges: (4, ...) of the directions.
-        turned_deg: rotation of the axes, clockwise as seen; at 90 degrees their forward x is the plate's forward y.
-    """
+    """(4, ...) edges of passes along turned axes, clockwise as seen: slopes add like components of a vector."""
     if not edges.any():
         return edges
     quarters, rest_deg = divmod(turned_deg, 90.0)
@@ -216,11 +191,7 @@ def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None)
 
 
 def felt_relief(scan: Scan, edges: EdgeMap) -> Relief:
-    """The felt surface.
-
-    Raises:
-        MarksError: heights cannot be computed for this friction, whisker or raster.
-    """
+    """The felt surface. Raises MarksError without heights for this friction, whisker or raster."""
     if scan.others or any(s.plan.pushed for s in scan.sweeps):
         return estimate_relief(scan, edges)
     return relief_from_edges(edges, scan.touch)

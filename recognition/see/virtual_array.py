@@ -22,10 +22,8 @@ class VirtualArray:
         whisker: touch of the whiskers (default: that of the default whisker for each character height).
         sensors: real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, and a
             stage with play and position errors; ideal: none of these.
-        fidelity: fidelity of the simulated touch.
         seed: seed of sensors, noise and stage. It is the same for all parts, as they are felt by the same array: a
             height map is always felt in the same way, whatever its name.
-        noise_seed: seed of the noise alone, if the same sensors measure again.
         range_land_moments: range of the converter in moments on the land; on edges it is up to twice that moment.
     """
 

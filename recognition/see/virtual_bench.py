@@ -25,12 +25,8 @@ class VirtualBench:
     """A part under the virtual array.
 
     Attributes:
-        height_map: the part, level and square to the plate.
         height_mm: character height, for which plan and default whisker are.
-        array: the array.
-        soil: dirt on the part, whose top surface is the map (default: no dirt).
         friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
-        part_id: name of the part.
     """
 
     height_map: HeightMap
@@ -53,11 +49,7 @@ class VirtualBench:
         friction: float | None = None,
         part_id: str = "",
     ) -> VirtualBench:
-        """Mount any height map: turned square to the plate, and levelled.
-
-        Raises:
-            MapError: the map cannot be scanned, or the soil is on another grid.
-        """
+        """Mount any height map: turned square to the plate, and levelled. Raises MapError."""
         squared, soil = square_to_plate(height_map, soil)
         return cls(level(squared), height_mm, array, soil, friction, part_id)
 
@@ -67,15 +59,7 @@ class VirtualBench:
         return default_plan((0.0, 0.0, *self.height_map.size_mm), character_height_mm=self.height_mm)
 
     def scan(self, plan: RasterPlan | None = None) -> Scan:
-        """Simulate a scan.
-
-        Args:
-            plan: the raster (default: the whole part); if its array has two kinds of whiskers, the second are
-                profilers.
-
-        Raises:
-            MapError: the map cannot be scanned, or the soil is on another grid.
-        """
+        """Simulate a scan of the whole part or by a plan; a second kind of whiskers are profilers. Raises MapError."""
         plan, touch = plan or self.whole, self.array.touch(self.height_mm)
         rng, chain, stage = self.array.draw(plan, touch)
         scan = trace_scan(
@@ -94,11 +78,7 @@ class VirtualBench:
         return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
 
     def open_session(self) -> SimulatedSession:
-        """Open a session that scans pass by pass, with the comb of the default plan and known gains.
-
-        Raises:
-            MapError: the map cannot be scanned, or the soil is on another grid.
-        """
+        """Open a session pass by pass, with the comb of the default plan and known gains. Raises MapError."""
         touch, usual = self.array.touch(self.height_mm), self.whole
         rng, chain, stage = self.array.draw(usual, touch)
         known = None

@@ -181,9 +181,9 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     Args:
         axial: whether to include the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without
             it a straight whisker's D11 is singular.
+
     Returns (6, 6), symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per
-    N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
-    Raises WhiskerError.
+    N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers. Raises WhiskerError.
     """
     check_chain(segments)
     tip = segments[-1].end_mm

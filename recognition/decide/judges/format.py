@@ -90,7 +90,6 @@ def small_letter(evidence: Evidence, choice: Choice, settings: DecisionSettings)
 
 
 def _format_findings(sense: SenseEvidence, settings: DecisionSettings) -> tuple[Finding, ...]:
-    """Report that the line of a sense may hold another text, or a sign outside the format."""
     line, grammar, least = sense.main, settings.grammar, IN_FORMAT[sense.source]
     if line is None or line.evidence >= least:
         return ()
@@ -124,10 +123,6 @@ def format_misfits(
     """Report where a clear text is of another kind than the format: the format may be wrong, not the part dirty.
 
     Apart from what is quoted, a finding has the same words on every part, so that they can be counted over a lot.
-
-    Args:
-        sure: least probability of another kind of character at a place.
-        clear: least mean probability of the best characters, at which a text is clear.
     """
     belief = np.exp(openly.log_belief)
     if grammar is None or not belief.size or belief.max(axis=1).mean() < clear:
@@ -155,10 +150,6 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
     """Report where the format has changed the text of a line; nothing if it has not.
 
     Twins, which most dies cut with the same shape, do not count as a change: only a format can tell O from 0.
-
-    Args:
-        unchanged: least probability of the chosen text without the format, twins included, at which nothing counts as
-            changed.
     """
     lattice, _ = line.open_places
     open_text = lattice.text

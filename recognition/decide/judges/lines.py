@@ -143,12 +143,7 @@ def unread_photograph(
     pixels: int = 4_000,
     least_contrast: float = 0.01,
 ) -> Iterator[Finding]:
-    """Note why no text was read in a photograph: it shows nothing, or several places may be the line.
-
-    Args:
-        pixels: number of pixels to which the photograph is shrunk first, which averages noise out.
-        least_contrast: standard deviation of brightness, 0 to 1, below which it shows nothing.
-    """
+    """Note why no text was read in a photograph: it shows nothing, or several places may be the line."""
     photo, part = choice.sense.log.photo, choice.sense.lines
     if choice.characters or photo is None or part is None:
         return

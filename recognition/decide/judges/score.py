@@ -23,11 +23,7 @@ def accepted_risk(evidence: Evidence, choice: Choice, settings: DecisionSettings
 def low_confidence(
     evidence: Evidence, choice: Choice, settings: DecisionSettings, *, sure_count: float = 0.9
 ) -> Iterator[Finding]:
-    """Report a score below the threshold: the doubtful characters, or their number.
-
-    Args:
-        sure_count: probability of the number of characters below which it is doubted.
-    """
+    """Report a score below the threshold: the doubtful characters, or their number."""
     if not choice.is_low:
         return
     low, why = ReadingFlag.LOW_CONFIDENCE, choice.shortfall

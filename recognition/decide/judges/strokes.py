@@ -52,11 +52,8 @@ def missing_strokes(
     """Report characters most of whose strokes are missing, or are those of another font than the named one.
 
     Args:
-        least_edges: least share of a character's edges that must be there, in a font that explains the marks.
         least_felt: least share of the depth of a character's strokes that must be there, in the best-fitting font,
             which may differ from the part's.
-        suited: template score from which a character counts as there, however shallow it is.
-        all_there: share of strokes felt, by depth or by edges, from which none counts as missing.
         least_foreign: least number of characters that must differ from the named font: a single one may be a bad
             blow or misplaced dots.
     """
@@ -104,14 +101,7 @@ def _why_undecided(
     least_belief: float = 0.03,
     hidden_share: float = 0.5,
 ) -> str:
-    """Explain why strokes do not exclude a rival; empty if they do.
-
-    Args:
-        distinct_heights: least length of strokes that differ between two characters if touch is to decide, character
-            heights.
-        least_belief: posterior from which a rival is not excluded if touch cannot decide.
-        hidden_share: share of a rival's strokes that could not be felt, from which the rival is not excluded.
-    """
+    """Explain why strokes do not exclude a rival; empty if they do."""
     if rival.apart_heights < distinct_heights:
         return "touch hardly tells them apart (look at the part)" if rival.belief >= least_belief else ""
     covered = rival.more_heights >= distinct_heights and rival.hidden >= hidden_share
