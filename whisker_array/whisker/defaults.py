@@ -27,16 +27,16 @@ def default_whisker(
     natural frequency scales as 1/H, the moment as H^3.
 
     The sensor's axis is l3 = l2 - preload - room below the clamp, so that room is left between it and the land. It is
-    above the clamp below H = 3 mm (l3 < 0), and F falls with it (friction 0.2, walls of 60 degrees that rise and fall):
+    above the clamp below H = 3 mm (l3 < 0), and F falls with it (friction 0.2, walls of 60 degrees):
 
     ======  =====  =====  =====  =====  =====  =========
     H, mm       1    1.5      2      3      4  5 or more
     l3 / H  -1.00  -0.50  -0.25   0.00   0.13       0.20
-    rising   0.83   0.96   1.03   1.10   1.13       1.15
-    falling  1.18   1.04   0.97   0.90   0.86       0.84
+    falling  0.83   0.96   1.03   1.10   1.13       1.15
+    rising   1.18   1.04   0.97   0.90   0.86       0.84
     ======  =====  =====  =====  =====  =====  =========
 
-    The whisker is a profiler (F = 1) at H = 1.78 mm; for smaller characters rising walls make the moment smaller.
+    The whisker is a profiler (F = 1) at H = 1.78 mm; for smaller characters falling walls make the moment smaller.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     h = character_height_mm
