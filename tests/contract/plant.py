@@ -90,11 +90,11 @@ class Plant:
 
     @contextlib.contextmanager
     def camera_saving(self, name: str) -> Iterator[None]:
-        """A camera that saves its picture of a part anew every second until the block is left."""
+        """A camera that saves its picture of a part anew, every half second until the block is left."""
         path, ended = self.parts / f"{name}.png", threading.Event()
 
         def save() -> None:
-            while not ended.wait(1.0):
+            while not ended.wait(0.5):
                 os.utime(path)
 
         saving = threading.Thread(target=save)
@@ -198,7 +198,7 @@ def run_plant(folder: Path) -> Iterator[Plant]:
             f"--jobs 1 --format {FORMAT} --font gothic --height-mm 4 --tokens off --root-path /marks"
             f" --tcp.port {port} --webhook.url {hook}/results --mqtt.url {broker.url}"
             f" --watch.folder {watched} --watch.settle-s 0.4 --stage.device {parts} --camera.device {parts}"
-            " --device-timeout-s 10 --mqtt.triggers"
+            " --device-timeout-s 4 --mqtt.triggers"
             f" --opcua.port {opcua_port} --opcua.certificate {keys}/server.der --opcua.key {keys}/server.pem"
         )
         service = stack.enter_context(run_service(folder / "service", *options.split(), env=users))

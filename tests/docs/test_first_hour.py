@@ -9,7 +9,8 @@ text, python (test_site runs it), json             left out: output, and scripts
 What a line may do to the machine is done to a folder of the test: programs that install or start other programs
 (`INSTALLERS`) succeed without doing anything, `sudo` runs its command, and /etc, /opt, /var and /backups lie in that
 folder. Of an exam one part is read in place of two. A service gets free ports and ends when the next one starts; an
-answer of it that is an error ends the script. A `demo`, which needs no files, is run by the first page that names it.
+answer of it that is an error ends the script. A `demo`, which needs no files, is run by the first page that names it;
+the service's has a clean and a filthy part in place of six.
 """
 
 from __future__ import annotations
@@ -38,6 +39,12 @@ LEFT_OUT = ("text", "json")
 MACHINE = re.compile(r"(?<![\w./:-])/(?=(?:etc|opt|var|backups)/)")
 TWO_PARTS = re.compile(r"(benchmark (?:run|export) [^\n]*?--parts) 2\b")
 """Exams of which a page takes two parts; here one shows that the commands go together."""
+DEMO = """\
+import sys
+from pipeline.cli import demo, main
+demo.SEVERITIES = (0.0, 0.9)
+sys.exit(main.main(sys.argv[1:]))
+"""
 MOST_S = 600.0
 """For one page, on a busy machine; alone each takes some 20 s."""
 SERVED = """\
@@ -51,6 +58,7 @@ if sys.argv[1:2] == ["demo"]:
         Path(os.environ["DEMOS"], "-".join(sys.argv[1:])).touch(exist_ok=False)
     except FileExistsError:
         sys.exit(0)
+    command[:1] = [sys.executable, "-c", {demo!r}]
 if sys.argv[1:2] != ["serve"]:
     os.execv(command[0], command)
 pid = Path(os.environ["SERVICE_PID"])
@@ -117,7 +125,8 @@ def programs(tmp_path: Path) -> Path:
         folder / "curl", f'#!/bin/sh\nexec {program("curl")} --fail-with-body --silent --show-error "$@"\n'
     )
     executable(
-        folder / "tactile-marks", SERVED.format(python=sys.executable, command=program("tactile-marks"))
+        folder / "tactile-marks",
+        SERVED.format(python=sys.executable, command=program("tactile-marks"), demo=DEMO),
     )
     return folder
 

@@ -17,10 +17,10 @@ from tests.support.programs import program
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
 
 SHARES = {
-    "jobs": 0.2,
-    "journal of lines": 0.06,
-    **dict.fromkeys(("rows.csv", "rows.jsonl", "tokens"), 0.015),
-    **dict.fromkeys(("evidence", "rows.parquet", "run into a store", "watched folder"), 0.002),
+    "jobs": 0.1,
+    "journal of lines": 0.03,
+    **dict.fromkeys(("rows.csv", "rows.jsonl", "tokens"), 0.008),
+    **dict.fromkeys(("evidence", "rows.parquet", "run into a store", "watched folder"), 0.001),
 }
 
 

@@ -10,7 +10,7 @@ EACH = 5
 
 
 def test_a_damaged_file_is_read_or_refused_by_its_name(tmp_path: Path) -> None:
-    found = campaign(tuple(KINDS), EACH, 7, 2, tmp_path)
+    found = campaign(tuple(KINDS), EACH, 7, 1, tmp_path)
     assert {kind: set(tally) - set(READ_OR_REFUSED) for kind, tally in found.items()} == {
         key: set() for key in KINDS
     }

@@ -131,34 +131,3 @@ def test_nonsense_behind_a_right_digest_is_refused(saved, tmp_path, change):
 def test_values_refuse(make, message):
     with pytest.raises(MarksError, match=message):
         make()
-
-
-def crowded_glyph(content):
-    points = np.zeros((module.MOST_GLYPH_POINTS + 1, 2))
-    content["fonts"]["gothic"]["glyphs"]["A"]["strokes"] = [module._plain(points)]
-
-
-def far_point(content):
-    an_array(content, module._plain(np.full((2, 2), 1e30)))
-
-
-def not_finite(content):
-    an_array(content, module._plain(np.full((2, 2), np.nan)))
-
-
-def wide_advance(content):
-    content["fonts"]["gothic"]["glyphs"]["A"]["advance"] = 1e9
-
-
-@pytest.mark.parametrize(
-    ("change", "why"),
-    [
-        (crowded_glyph, "more than 5,000 points"),
-        (far_point, "beyond 100 cap heights"),
-        (not_finite, "not finite"),
-        (wide_advance, "advance is 1000000000"),
-    ],
-)
-def test_a_database_that_asks_for_far_more_than_its_size_is_refused(saved, tmp_path, change, why):
-    with pytest.raises(FileError, match=why):
-        load_database(rewritten(saved, tmp_path, change))

@@ -5,14 +5,12 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import math
-import re
 import sys
 from pathlib import Path
 
 import lazy_loader
 import pytest
 
-from glyphs.errors import FileError
 from pipeline.cli.main import main
 from pipeline.formats.whisker_file import WhiskerFile
 from whisker_array.whisker.sections import Rectangle, Round
@@ -73,29 +71,9 @@ def test_the_dimensions_are_the_whiskers(
     )
 
 
-def test_the_command_draws_both_and_refuses_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "whisker.svg"
-    assert main([*ASKED, "--drawing", str(path)]) == 0
-    assert f"wrote {path}" in capsys.readouterr().out
-    text = path.read_text(encoding="utf-8")
-    assert re.search(r"<svg [^>]*width=\"[\d.]+mm\"", text)
-    assert text.count("<path") > 20
-    assert main([*ASKED, "--drawing", str(tmp_path / "whisker.png")]) == 1
-    assert "has an unsupported output format; end it in .dxf, .svg" in capsys.readouterr().err
-
-
 def test_without_the_library_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     assert main([*ASKED, "--drawing", str(tmp_path / "whisker.dxf")]) == 2
     assert "pip install 'tactile-marks[drawing]'" in capsys.readouterr().err
-
-
-def test_a_folder_that_is_not_there_is_said_before_the_work(tmp_path: Path) -> None:
-    from pipeline.plots.whisker_drawing import check_drawing
-
-    with pytest.raises(FileError):
-        check_drawing(tmp_path / "none" / "whisker.dxf")

@@ -12,14 +12,12 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part
-from recognition.active.active_reading import ActiveReading, StopReason
+from recognition.active.active_reading import ActiveReading
 from recognition.active.felt_log import logged_evidence, read_and_log
-from recognition.decide.decision import ReadingFlag
 from recognition.reader import Reader
 from recognition.see.virtual_array import VirtualArray
 from recognition.see.virtual_bench import VirtualBench
 from recognition.touch import TactileReader
-from tests.support.jamming import Jamming
 from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import StageSession
@@ -65,19 +63,6 @@ def test_a_recording_is_read_as_it_was_felt(
     assert evidence.log.scan is not None
     assert evidence.log.scan.log is scan.log
     assert reader.reading_of(evidence).text == felt.reading.text
-
-
-def test_after_a_stage_that_failed_a_person_looks_again(reader: TactileReader, tmp_path: Path) -> None:
-    cut = read_and_log(reader, Jamming(session_of(0.8), 5), budget_s=BUDGET_S)
-    assert (cut.stop, len(cut.passes)) == (StopReason.STAGE_FAILED, 5)
-    assert cut.reading.decision != "accept"
-    assert cut.scan is not None
-    save_scan(cut.scan, tmp_path / "cut.h5")
-    evidence = logged_evidence(reader, load_scan(tmp_path / "cut.h5"))
-    reading = reader.reading_of(evidence)
-    assert reading.flags & ReadingFlag.STAGE_FAILED
-    assert reading.decision != "accept"
-    assert cut.problem in evidence.log.findings[0].text
 
 
 def log_of(scan: Scan) -> list[tuple[Pass, str, str, float]]:

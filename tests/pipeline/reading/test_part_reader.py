@@ -19,20 +19,15 @@ from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import PartReader, senses_of
-from recognition import surface as room
 from recognition.decide import risk
 from recognition.decide.decision import ReadingFlag
 from recognition.decide.evidence import Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.decide.verify import Verdict, VerifyError
 from recognition.find.part_lines import PartLines
-from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
-from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.settings import ReaderSettings
-from recognition.surface import MIRRORED_NOTE, Surface, evidence_of_surface
-from recognition.touch import TactileReader
+from recognition.surface import Surface
 from tests.support.evidence import believed_line, sense_of
 
 SHAPE = (20, 30)
@@ -112,35 +107,6 @@ def test_modes(mode: Any, felt: Any, seen: Any, both: Any, folder: Path) -> None
             assert senses_of(part(folder, name), mode) == senses
 
 
-def test_touch_is_given_the_soil(folder: Path) -> None:
-    reader = FakeReader()
-    found = PartReader(reader, ReadSettings(mode="tactile")).read(part(folder, "both"))
-    (surface,) = reader.given
-    assert surface.part_id == "both"
-    assert surface.soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
-    assert (found.text, found.vision, found.trace.photo) == ("A1", None, None)
-    PartReader(reader, ReadSettings(mode="tactile")).read(part(folder, "felt"))
-    assert reader.given[1].soil is None
-
-
-def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
-    reader = FakeReader()
-    found = PartReader(reader).read(part(folder, "seen"))
-    assert (found.source, found.touch) == ("vision", None)
-    assert reader.given[0].centre_mm is None
-    assert reader.asked == ["vision"]
-
-
-@pytest.mark.parametrize("mode", ["fused", "auto"])
-def test_both_senses_are_fused(mode: Any, folder: Path) -> None:
-    reader = FakeReader()
-    found = PartReader(reader, ReadSettings(mode=mode)).read(part(folder, "both"))
-    assert found.source == "fused"
-    assert [one.text for one in (found.touch, found.vision) if one is not None] == ["A1", "B1"]
-    # the stage brings the middle of the plate under the middle of the picture
-    assert reader.given[0].centre_mm == pytest.approx((1.45, 0.95))
-
-
 def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Path) -> None:
     (folder / "both.png").write_bytes(b"\x89PNG rubbish")
     found = PartReader(FakeReader(), ReadSettings(mode="auto")).read(part(folder, "both"))
@@ -148,13 +114,6 @@ def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Pat
     assert any("read by touch alone" in message and "both.png" in message for message in found.messages())
     with pytest.raises(FileError, match=r"both\.png"):
         PartReader(FakeReader(), ReadSettings(mode="fused")).read(part(folder, "both"))
-
-
-def test_templates_alone_read_by_touch_what_has_both(folder: Path) -> None:
-    reader = FakeReader()
-    reader.settings = replace(reader.settings, experts=("templates",))
-    assert PartReader(reader).read(part(folder, "both")).source == "tactile"
-    assert reader.asked == ["touch"]
 
 
 def verdict_of(found: Reading) -> Verdict:
@@ -228,32 +187,3 @@ def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: P
         path.write_bytes(b"no picture")
     with pytest.raises(FileError, match=r"part\.light-0\.png: is not a picture"):
         PartReader(reader).read(part)
-
-
-def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole_text(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Of a coin that says ONE DIME, its first letter in doubt, the mirrored map showed a single M, at 0.85."""
-    monkeypatch.setattr(risk, "threshold_of", lambda source, allowed: 0.97)
-    surface = Surface(HeightMap(np.zeros((8, 8)), pitch_mm=0.1), rows_known=False)
-    either = Grammar(lexicon=frozenset({"ONEDIME", "M"}))
-    touch = TactileReader(ReaderSettings(format=either, orientation=Orientation.UPRIGHT))
-    monkeypatch.setattr(touch, "may_be_mirrored", lambda *_: True)
-
-    def doubtful(text: str, *beliefs: float) -> SenseEvidence:
-        shares = np.full((len(text), 8), 1e-6)
-        for k, (char, belief) in enumerate(zip(text, beliefs, strict=True)):
-            shares[k, "ONEDIM?!".index(char)] = belief
-        return sense_of(Lattice(tuple("ONEDIM?!"), np.log(shares)))
-
-    def read(*looks: SenseEvidence) -> Reading:
-        given = iter(looks)
-        monkeypatch.setattr(room, "_feel", lambda *_: next(given))
-        return touch.reading_of(evidence_of_surface(touch, surface))
-
-    whole, stroke = doubtful("ONEDIME", 0.5, *[0.99] * 6), doubtful("M", 0.85)
-    assert touch.reading_of(stroke).text == "M"
-    mirrored = read(stroke, whole)
-    assert mirrored.text == "ONEDIME"
-    assert MIRRORED_NOTE in mirrored.notes
-    assert read(whole, stroke).text == "ONEDIME"

@@ -35,15 +35,6 @@ def scan_of(plate: HeightMap, name: str, seed: int = SEED):  # type: ignore[no-u
     return feel(plate, HEIGHT_MM)
 
 
-def test_the_issues_five_are_there_and_reach_their_senses() -> None:
-    reached = {name: (p.reaches(("touch",)), p.reaches(("vision",))) for name, p in BY_NAME.items()}
-    assert reached == {
-        "shift": (True, False), "noise": (True, True), "light": (False, True), "scale": (True, True),
-        "order": (True, False),
-    }  # fmt: skip
-    assert all(p.reaches(()) for p in PERTURBATIONS)  # a reader of one's own may ask for anything
-
-
 def test_lines_lie_half_a_pitch_beside(plate: HeightMap) -> None:
     before, after = scan_of(plate, "light"), scan_of(plate, "shift")
     for a, b in zip(before.sweeps, after.sweeps, strict=True):

@@ -99,16 +99,6 @@ def test_a_height_map(folder: Path, tmp_path: Path) -> None:
     same(by_command(file), READER.read(top.height_map, soil=top.soil, part_id="part"))
 
 
-def test_a_photograph_and_several(folder: Path, tmp_path: Path) -> None:
-    first, second, *_ = lights(folder)
-    alone = copied(first, tmp_path)
-    same(by_command(alone), by_python(read_photo(alone)))
-    several = [copied(path, tmp_path, f"both.light-{k}") for k, path in enumerate((first, second))]
-    reading = by_python(*map(read_photo, several))
-    assert reading.photos == 2
-    same(by_command(*several), reading)
-
-
 def test_touch_and_camera(folder: Path, tmp_path: Path) -> None:
     photo = copied(lights(folder)[0], tmp_path)
     for name in ("whole.npz", "chosen.h5"):

@@ -15,13 +15,12 @@ from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
     ReadingRecord,
-    ReasonRecord,
     RivalRecord,
 )
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions
-from pipeline.runs.read_table import notes, print_table, table_lines
+from pipeline.runs.read_table import table_lines
 from recognition.decide.evidence import SenseEvidence
 from recognition.language.lattice import Lattice
 from recognition.reader import Reader
@@ -71,40 +70,10 @@ PHOTO = record("p", "KX407251", "accept", 0.99, "vision", 1.0)
 VERIFIED = record("v", "A812", "accept", 0.9, "tactile", 1.0, verdict="refuted", expected="AB12")
 
 
-def test_a_plain_run_has_the_usual_columns(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table([PLAIN])
-    head, line = capsys.readouterr().out.splitlines()
-    assert head.split() == ["part", "text", "decision", "confidence", "depth", "mm", "source", "seconds"]
-    assert line.split() == ["a", "AB12", "accept", "0.980", "0.200", "tactile", "1.00"]
-
-
 def test_a_column_without_a_value_is_left_out() -> None:
     assert "depth" not in table_lines([PHOTO], width=None)[0]
     assert "grade" not in table_lines([PLAIN], width=None)[0]
     assert "grade" in table_lines([PLAIN, DOUBT], width=None)[0]
-
-
-def test_doubts_stand_below_their_row() -> None:
-    lines = table_lines([PLAIN, DOUBT], width=None)
-    assert "verdict" not in lines[0]
-    assert lines[2].startswith("b ")
-    assert lines[3] == "  low confidence; place 2: B or 8?; may also be A812 0.400; clean 2"
-    assert len(lines) == 4
-    first, second, third, fourth = DOUBT.characters
-    verified = replace(
-        DOUBT,
-        messages=("low confidence: B or 8 at place 2?",),
-        reasons=(ReasonRecord("low_confidence", (2,)),),
-        characters=(first, second, replace(third, state="not read"), fourth),
-    )
-    named = replace(
-        DOUBT,
-        messages=("unread: places 1 to 3 (look at the part)",),
-        reasons=(ReasonRecord("low_confidence", (1, 2, 3)),),
-        characters=(first, second, third, replace(fourth, state="not read")),
-    )
-    assert notes(named).startswith("unread: places 1 to 3 (look at the part); place 4: not read; may")
-    assert notes(verified).startswith("low confidence: B or 8 at place 2?; place 3: not read; may")
 
 
 @pytest.mark.parametrize("width", [80, 60, 40])
@@ -128,20 +97,6 @@ def test_a_name_cannot_steer_the_terminal() -> None:
     assert not any(
         "\x1b" in line or "\n" in line for line in table_lines([replace(PLAIN, part="a\x1b[2J\nb")], width=80)
     )
-
-
-def test_verdicts_are_shown() -> None:
-    refuted = replace(
-        VERIFIED,
-        messages=("place 2: 8 where B is expected",),
-        characters=(place("A"), place("8", "mismatch", "8B")),
-    )
-    assert notes(refuted) == "place 2: 8 where B is expected; expected AB12"
-    undecided = replace(refuted, verdict="undecided", verify_probability=0.98, messages=())
-    assert notes(undecided) == "AB12 with probability 0.980"
-    lines = table_lines([refuted, BROKEN], width=80)
-    assert "verdict" in lines[0]
-    assert lines[1].split()[:5] == ["v", "A812", "accept", "0.900", "refuted"]
 
 
 # ------------------------------------------------------------------------------------------------- exit status
@@ -194,11 +149,3 @@ def test_verified_parts_and_the_exit_status(
     upright = ReadSettings(orientation="upright")
     assert read(str(parts), run=RunOptions(verify=verify, repeats=True), reading=upright) == status
     assert told in capsys.readouterr().out
-
-
-def test_a_least_depth_of_some_places_is_said_to_be_that() -> None:
-    _, whole, some = table_lines(
-        [PLAIN, replace(PLAIN, characters=(FELT, place("B"), place("1")))], width=None
-    )
-    assert "  0.200  " in whole
-    assert "0.200 (1/3)" in some

@@ -50,12 +50,6 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 
 
-def test_a_sense_that_keeps_no_such_risk_is_counted_in_its_own_words() -> None:
-    why = "the camera cannot promise 1 in 1,000 (touch the part, or allow 1 in 500 with accept_risk)"
-    records = [read(part, "A1", "review", 0.99, "risk_not_kept", messages=(why,)) for part in "ab"]
-    assert f"     2  {why}" in "\n".join(counted(*records).lines(elapsed_s=1.0, read_now=2, workers=1))
-
-
 @pytest.mark.parametrize(
     ("error", "kind"),
     [
@@ -91,12 +85,6 @@ def test_a_format_that_fits_no_part_is_named_once() -> None:
     # of a single part, or of few, the part may be the cause
     assert hints(digit.format("X")) == []
     assert hints(digit.format("X"), *[""] * 5) == []
-
-
-def test_nothing_read_now_has_no_rate() -> None:
-    assert not any(
-        "a second" in line for line in counted(*RECORDS).lines(elapsed_s=0.0, read_now=0, workers=1)
-    )
 
 
 def test_the_same_in_json() -> None:

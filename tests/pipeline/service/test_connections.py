@@ -7,7 +7,6 @@ import errno
 import logging
 import subprocess
 import sys
-from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -15,16 +14,9 @@ import pytest
 from pipeline.service.connections import (
     address_block,
     log_failed_accepts_sparingly,
-    longest_idle_of_busiest,
 )
 
 pytestmark = pytest.mark.anyio
-
-
-@dataclass(frozen=True)
-class Idle:
-    block: str
-    heard_s: float
 
 
 @pytest.mark.parametrize(
@@ -41,12 +33,6 @@ class Idle:
 )
 def test_a_network_of_ipv6_is_one_caller(address: str, block: str) -> None:
     assert address_block(address) == block
-
-
-def test_the_longest_idle_connection_of_the_busiest_caller_goes() -> None:
-    quiet, first, second = Idle("b", 0.0), Idle("a", 2.0), Idle("a", 1.0)
-    assert longest_idle_of_busiest([quiet, first, second]) is second
-    assert longest_idle_of_busiest([quiet, first]) is quiet
 
 
 async def test_accepts_without_descriptors_are_one_line_and_other_faults_as_ever(

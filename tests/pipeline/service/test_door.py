@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import ipaddress
 import os
-import re
 import socket
 import ssl
 import sys
@@ -14,7 +13,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import urljoin
 
 import pytest
 import uvicorn
@@ -572,38 +570,6 @@ def test_a_browser_is_told_in_a_page_and_a_program_in_a_problem(
         assert says in problem.json()["detail"]
     through = {**BROWSER, "Via": "1.1 proxy"}
     assert "comes through a proxy" in open_one[1].get(path, headers=through).text
-
-
-def test_the_interface_has_a_page_that_loads_nothing_from_elsewhere(
-    open_one: Served, guarded: Served
-) -> None:
-    page = open_one[1].get("/docs")
-    assert page.status_code == 200
-    assert "default-src 'self'" in page.headers["content-security-policy"]
-    addresses = re.findall(r'(?:src|href|data-description)="([^"]+)"', page.text)
-    for name in ("swagger-ui-bundle.js", "swagger-ui.css", "interface.js", "openapi.json"):
-        address = next(address for address in addresses if address.endswith(name))
-        assert open_one[1].get(urljoin("/docs", address)).status_code == 200
-    assert not re.search(r'(?:src|href)="(?:https?:)?//', page.text)
-    assert "<script>" not in page.text
-    assert "Every request needs a token" in guarded[1].get("/docs").text
-
-
-async def test_small_answers_do_not_wait_for_acknowledgements() -> None:
-    delays: list[int] = []
-
-    class Looks(asyncio.Protocol):
-        def connection_made(self, transport: Any) -> None:
-            raw = transport.get_extra_info("socket")
-            delays.append(raw.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
-            transport.close()
-
-    bound = listening("127.0.0.1", 0, option="--port")
-    server = await asyncio.get_running_loop().create_server(Looks, sock=bound)
-    reader, _ = await asyncio.open_connection("127.0.0.1", bound.getsockname()[1])
-    await reader.read()
-    server.close()
-    assert delays == [1]
 
 
 def test_an_upload_that_drips_has_an_end(open_one: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.service import golden as module
-from pipeline.store.database import Database, Transaction
 from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import received
 
@@ -68,20 +65,3 @@ def test_without_a_golden_part_none_is_taken(tmp_path: Path) -> None:
         assert client.get("/v1/golden").json() == []
         assert service.golden.faults() == {}
         assert "Golden part" not in client.get("/dashboard").text
-
-
-@pytest.mark.parametrize("name", ["read_transaction", "write_transaction"])
-def test_the_store_is_not_asked_in_the_event_loop(
-    tmp_path: Path, radius: list[float], monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    begin = getattr(Database, name)
-
-    def beside_the_loop(database: Database) -> AbstractContextManager[Transaction]:
-        with pytest.raises(RuntimeError):
-            asyncio.get_running_loop()
-        begun: AbstractContextManager[Transaction] = begin(database)
-        return begun
-
-    monkeypatch.setattr(Database, name, beside_the_loop)
-    with inline_service(tmp_path, golden={"relief": tmp_path / "golden.npz"}) as (_, client):
-        assert client.post("/v1/golden", files=SCAN).status_code == 201

@@ -9,24 +9,6 @@ from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import reading, received
 
 
-def test_a_review_over_http_bears_the_tokens_name_and_claims_hold_there_too(tmp_path: Path) -> None:
-    with inline_service(tmp_path, host="0.0.0.0") as (service, client):
-        told = {
-            name: {"Authorization": f"Bearer {service.store.add_token(name, [Scope.READ, Scope.REVIEW])}"}
-            for name in ("Ada", "Grace")
-        }
-        part = received(service.store, PartState.REVIEW)
-        client.get(f"/review/{part.id}", headers=told["Grace"])
-        said = {"action": "correct", "text": "ZZ00", "who": "Somebody else"}
-        address = f"/v1/parts/{part.id}/review"
-        refused = client.post(address, json=said, headers=told["Ada"])
-        assert refused.status_code == 409
-        assert "Grace is at part" in refused.json()["detail"]
-        assert client.post(address, json=said, headers=told["Grace"]).status_code == 200
-        kept = service.store.story(part.id).reviews[-1]
-        assert (kept.who, kept.token) == ("Grace", "Grace")
-
-
 def test_a_token_to_write_looks_up_a_part_but_does_not_list_parts(tmp_path: Path) -> None:
     with inline_service(tmp_path, host="0.0.0.0") as (service, client):
         writes, reads = (
@@ -45,13 +27,6 @@ def test_a_token_to_write_looks_up_a_part_but_does_not_list_parts(tmp_path: Path
         assert listed("?name=P1", writes) == set()
         assert listed("?name=p17", reads) == {part.id, other.id}
         assert client.get(f"/v1/parts/{part.id}", headers=writes).json()["name"] == "P17"
-
-
-def test_without_tokens_a_review_asks_for_a_name(tmp_path: Path) -> None:
-    with inline_service(tmp_path) as (service, client):
-        address = f"/v1/parts/{received(service.store, PartState.REVIEW).id}/review"
-        assert client.post(address, json={"action": "unreadable"}).status_code == 422
-        assert client.post(address, json={"action": "unreadable", "who": "Anna"}).status_code == 200
 
 
 def test_a_second_reader_does_not_see_over_http_what_the_first_has_read(tmp_path: Path) -> None:

@@ -125,13 +125,6 @@ def test_a_review_says_who_was_right_and_is_not_published(served: Served) -> Non
     assert "the line’s" in client.get("/shadow").text
 
 
-def test_it_says_that_it_is_in_shadow_mode(served: Served) -> None:
-    _, client = served
-    page = client.get("/shadow").text
-    assert "Nothing is decided or published" in page
-    assert '<a href="./shadow"' in client.get("/review").text
-
-
 def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Path) -> None:
     def serve(**settings: Any) -> Any:
         return inline_service(tmp_path / "service", instead=bench.read, **settings, **HOOK)

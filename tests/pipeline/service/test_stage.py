@@ -6,10 +6,9 @@ import pickle
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -17,8 +16,7 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.common.line_decision import LineDecision, decision_of
-from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartRecord, PartState, TouchWait
+from pipeline.common.records import PartRecord, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
@@ -26,8 +24,7 @@ from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
-from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
-from pipeline.service.touch_queue import STOPPED
+from pipeline.service.stage.work import CameraWork, StageWork, TouchCall
 from tests.support.line_fakes import LONG_S
 from tests.support.scans import feel_plan
 from tests.support.service_fixtures import Served, inline_service, triggered
@@ -234,29 +231,6 @@ def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path:
     assert "broken.npz" in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("", "the part has no name; give the name of its file without the ending"),
-        ("P17", "there is no photograph of P17 in the folder .* after 0.2 s; put it there as P17.png"),
-        (
-            "plate.png",
-            "there is no photograph of plate.png in the folder .* after 0.2 s; name the part without .png",
-        ),
-    ],
-)
-def test_a_missing_photograph_has_a_hint(plates: Path, name: str, says: str) -> None:
-    with pytest.raises(StageError, match=says):
-        take(plates, name, plates, timeout_s=0.2)
-
-
-def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> None:
-    with pytest.raises(StageError, match="send a scan"):
-        asyncio.run(StageWork(None).scan(ScanOrder("plate", STAGE_PLAN), tmp_path, NO_LIMIT))
-    with pytest.raises(StageError, match="send a photograph"):
-        asyncio.run(CameraWork(None).take("plate", tmp_path, known=lambda _: ()))
-
-
 def test_stage_errors_survive_pickling() -> None:
     error = pickle.loads(pickle.dumps(StageError("jammed", "free it")))
     assert (error.what, error.hint, str(error)) == ("jammed", "free it", "jammed; free it")
@@ -309,52 +283,6 @@ def looks(served: Served, n: int = 3) -> None:
     assert served[1].portal is not None
     for _ in range(n):
         served[1].portal.call(served[0].intake.touching.look)
-
-
-def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_unasked(
-    tmp_path: Path, nest: type[Nest]
-) -> None:
-    nest.air = False
-    stage = {"device": "pipeline.formats.synth:nest"}
-    with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
-        part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
-        assert (part["state"], part["text"]) == ("review", "KX4O7251")
-        assert part["not_felt"] == (
-            "the stage has not felt it: the air pressure is low; check the compressor"
-        )
-        nest.air = True  # by now another part lies there
-        looks(served)
-        assert nest.felt == []
-        page = served[1].get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
-        assert "the air pressure is low" in page
-        assert f'action="../parts/{part["id"]}/touch"' in page
-        # a person has put it back, and says so
-        assert served[1].post(f"/parts/{part['id']}/touch", follow_redirects=True).status_code == 200
-        released = served[1].get(f"/v1/parts/{part['id']}").json()
-        assert (released["state"], released["text"], released["not_felt"]) == ("accepted", "KX407251", "")
-        assert nest.felt == ["P17"]
-        assert served[1].post(f"/v1/parts/{part['id']}/touch").status_code == 409
-
-
-def test_a_part_that_a_kill_has_left_to_the_stage_goes_to_a_person_at_the_next_start(
-    tmp_path: Path, nest: type[Nest]
-) -> None:
-    stage = {"device": "pipeline.formats.synth:nest"}
-    settings: dict[str, Any] = {"instead": read_unsurely, "stage": stage}
-    with inline_service(tmp_path / "s", **settings) as served:
-        store = served[0].store
-        until = datetime.now(UTC) + timedelta(seconds=900.0)
-        unsure = (reading("KX4O7251", source="vision", decision="review"),)
-        waits = {"state": PartState.TOUCH_NEEDED, "readings": unsure, "plan": STAGE_PLAN}
-        left, asked = new_part_id(), new_part_id()
-        store.add_part(part_id=left, name="P17", touch=TouchWait(True, until), **waits)
-        store.add_part(part_id=asked, name="P18", touch=TouchWait(False, until), **waits)
-    with inline_service(tmp_path / "s", **settings) as served:
-        looks(served)
-        part = served[0].store.part(left)
-        assert (part.state, part.not_felt) == (PartState.REVIEW, STOPPED)
-        assert served[0].store.part(asked).state is PartState.TOUCH_NEEDED
-        assert nest.felt == []
 
 
 def test_a_driver_that_knows_its_part_has_it_felt_as_soon_as_it_lies_there(
@@ -411,28 +339,3 @@ def test_a_part_is_not_felt_after_the_time_of_its_trigger(tmp_path: Path, nest: 
         assert part.state is PartState.REVIEW
         assert "the time of its trigger is over" in part.not_felt
         assert nest.felt == []
-
-
-def test_a_part_whose_file_is_missing_goes_to_a_person_and_says_why(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
-) -> None:
-    maps = tmp_path / "maps"
-    maps.mkdir()
-
-    def read(_job: object, *felt_by: Any) -> ReadPart:
-        if felt_by:
-            stage, scan = felt_by
-            stage.open(scan)
-        return ReadPart((reading(source="vision", decision="review"),), plan=STAGE_PLAN)
-
-    with inline_service(tmp_path / "s", instead=read, stage={"device": maps}) as (_, client):
-        photo = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
-        part = client.post("/v1/parts", files=photo, data={"name": "P17", "touch": "stage"}).json()
-        assert part["state"] == "review"
-        said = caplog.text + capsys.readouterr().out
-        assert "part not felt" in said
-        assert str(maps) in said
-        page = client.get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
-        assert "there is no height map of P17 in the folder maps; put it there as P17.npz" in page
-        asked = client.post("/v1/parts", files=photo, data={"name": "P18"}).json()
-        assert f"/v1/parts/{asked['id']}/touch" in client.get(f"/parts/{asked['id']}").text

@@ -8,7 +8,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from unittest.mock import Mock
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -82,41 +81,6 @@ def test_links_pipes_and_folders_are_no_files(folder: EvidenceFolder, tmp_path: 
     assert list((folder.root / "files").iterdir()) == []
 
 
-def test_it_is_on_the_disk_before_it_is_named(
-    folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The file is flushed before it moves, its new name after; a folder made for it as well."""
-    path = _upload(folder, b"photo")
-    done: list[str] = []
-    fsync, move = os.fsync, os.replace
-
-    def noted_fsync(handle: int) -> None:
-        done.append(f"fsync {Path(os.readlink(f'/proc/self/fd/{handle}')).name}")
-        fsync(handle)
-
-    def noted_move(source: Path, target: Path) -> None:
-        done.append("move")
-        move(source, target)
-
-    monkeypatch.setattr(os, "fsync", noted_fsync)
-    monkeypatch.setattr(os, "replace", noted_move)
-    sha256, _ = folder.keep(path)
-    assert done == ["fsync upload", "fsync files", "move", f"fsync {sha256[:2]}"]
-
-
-def test_trouble_with_the_disk_is_told(
-    folder: EvidenceFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(FileError, match="the folder can be written"):
-        EvidenceFolder(tmp_path / "file" / "evidence")
-
-    path = _upload(folder, b"photo")
-    monkeypatch.setattr(os, "fsync", Mock(side_effect=OSError(28, "No space left on device")))
-    with pytest.raises(FileError, match=r"No space left on device.*check that the disk has room"):
-        folder.keep(path)
-
-
 def test_what_a_crash_has_left_is_swept(folder: EvidenceFolder, store: Store) -> None:
     known, _ = folder.keep_content(b"known")
     orphan, _ = folder.keep_content(b"orphan")
@@ -147,27 +111,6 @@ def test_a_file_that_cannot_be_removed_keeps_no_other(
     monkeypatch.setattr(Path, "unlink", refused)
     folder.sweep(store, older_than_s=-60)
     assert [folder.path(sha256).exists() for sha256 in hashes] == [True, False, False]
-
-
-def test_the_sweep_asks_of_some_files_at_a_time(
-    folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """However many files a store knows, the sweep holds some hundreds of their hashes in memory."""
-    batches: list[int] = []
-
-    class Remembers:
-        def needed_hashes(self, hashes: list[str]) -> frozenset[str]:
-            batches.append(len(hashes))
-            return frozenset(name for name in hashes if name.endswith("0"))
-
-    for prefix in ("00", "3f"):
-        names = [f"{prefix}{k:062x}" for k in range(250)]
-        folder.path(names[0]).parent.mkdir()
-        for name in names:
-            folder.path(name).touch()
-    assert folder.sweep(Remembers(), older_than_s=-60) == 500 - 2 * 16  # every 16th ends with 0
-    assert max(batches) <= 200
-    assert sum(batches) == 500
 
 
 def test_what_was_just_kept_is_young_however_old_the_upload(folder: EvidenceFolder, store: Store) -> None:

@@ -211,7 +211,7 @@ def test_a_lock_of_somebody_else_ends_the_wait_with_an_error(
     empty_stores: Callable[[str, pytest.FixtureRequest], str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    url = empty_stores("postgresql", request)
+    url = empty_stores("postgresql", request) + "&options=-c%20lock_timeout%3D200"
     Store.open(url).close()
     monkeypatch.setattr(database, "_WAIT_S", 0.1)
     with contextlib.closing(Store.open(url)) as store, contextlib.closing(Store.open(url)) as other:

@@ -12,7 +12,6 @@ from pipeline.benchmark.analysis.comparisons import between_givens, between_read
 from pipeline.benchmark.analysis.factors import FactorEffect, factor_effects
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, group_trials
 from pipeline.benchmark.analysis.statistics import statistics_of
-from pipeline.benchmark.report.writing import document_of
 from pipeline.benchmark.trials.journal import Trial
 
 MORE = {"font_given": True, "height_given": False, "format_given": True}
@@ -171,10 +170,3 @@ def test_a_reading_that_breaks_a_contract_is_never_accepted() -> None:
 )
 def test_what_cannot_be_proven_has_no_row(rows: list[Trial], risk: float) -> None:
     assert at_risk(rows, risk) == []
-
-
-def test_the_tables_name_risk_thresholds_and_what_was_accepted() -> None:
-    document = document_of(statistics_of(trials_of_soils()))
-    line = next(line for line in document.splitlines() if "| 1 in 100 |" in line)
-    assert line == "| tactile | 1 in 100 | 0.65 | 87.5 | 0 of 1050 (0.3) |"
-    assert "1 in 1,000" not in document

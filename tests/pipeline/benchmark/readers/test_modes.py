@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from glyphs.errors import MarksError
-from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.readers.modes import (
     expand_groups,
@@ -20,9 +17,7 @@ from pipeline.benchmark.readers.modes import (
     open_mode,
     rules,
 )
-from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
-from recognition import surface
 from recognition.decide.decide import decide
 from recognition.decide.decision import BROKEN, MEASURE_FLAGS, Decision, Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
@@ -34,11 +29,9 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.recogniser.read_line import ReadLine
-from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.evidence import believed_line, sense_of
-from whisker_array.simulation.traces import Fidelity
 
 SETTINGS = ReaderSettings(format="AA", orientation=Orientation.UPRIGHT)
 
@@ -64,18 +57,6 @@ def test_without_a_contract_a_reading_that_broke_it_alone_is_accepted() -> None:
             assert broken.decision is Decision.REVIEW
             assert leave_out(name, SETTINGS)(broken).decision is Decision.ACCEPT
             assert leave_out(name, SETTINGS)(decided(*rule, other)).decision is Decision.REVIEW
-
-
-def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyPatch) -> None:
-    term = next(measure for measure in score_of("tactile").terms if measure is not Measure.ODDS)
-    worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
-    measures = {Measure.ODDS: 9.0, term: worst}
-    groups = {tuple(measures): lambda: measures}
-    monkeypatch.setattr("recognition.decide.measures.measure_groups", lambda *_: groups)
-    whole = decided()
-    less = leave_out(term.name.lower().replace("_", "-"), SETTINGS)(whole)
-    assert less.confidence > whole.confidence
-    assert less.confidence == score_of("tactile").probability({Measure.ODDS: 9.0})
 
 
 def test_each_mode_is_also_read_without_each_rule() -> None:
@@ -122,25 +103,6 @@ def test_experts_belong_to_the_modes_that_they_have_a_say_in() -> None:
     assert experts_in(("vision", "rapidocr photo")) == ("vision network",)
     assert experts_in(("fused",)) == ("tactile network", "tactile templates", "vision network")
     assert experts_in(("tactile",)) == ("tactile network", "tactile templates")
-
-
-APART = ("tactile", "tactile network", "tactile templates")
-
-
-def test_a_part_is_read_once_for_all_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clean part whose font, height and format are given."""
-    read = Mock(side_effect=surface.evidence_of_surface)
-    monkeypatch.setattr(surface, "evidence_of_surface", read)
-    reading = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))
-    trials = run_benchmark(Benchmark(designed_parts(severities=(0.0,)), APART, reading), tmp_path)
-    assert read.call_count == 1
-    assert tuple(t.mode for t in trials) == APART
-    assert not any(t.error for t in trials)
-    whole, network, templates = trials
-    assert whole.text == network.text == templates.text == whole.truth
-    assert network.scan_s == whole.scan_s > 0.0
-    compared = {(c.first.mode, c.second.mode) for c in statistics_of(trials).comparisons}
-    assert compared == {("tactile", "tactile network"), ("tactile", "tactile templates")}
 
 
 def test_four_lights_are_read_as_one_and_the_camera_alone_reads_one() -> None:

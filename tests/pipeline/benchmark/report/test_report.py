@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.benchmark.exam.condition import given_levels
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.report.page import mark_characters
@@ -18,7 +17,6 @@ from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
-from tests.support.certificates import a_certificate, measured
 from tests.support.csv_table import csv_rows
 
 SECTIONS = (
@@ -168,45 +166,6 @@ def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_r
     read = WorstPart((trial(0, "A1", truth="?" + truth),), "", "font,height,format")
     shown = draw_worst(benchmark, (read, item))
     assert (shown.picture, shown.problem) == ("", f"made again, it is another part, with {truth} stamped")
-
-
-def test_parts_unlike_the_certified_ones_are_told_by_mode() -> None:
-    rough = [dict(part) for part in measured(20, rough_um=4.0)]
-    alike = [dict(part) for part in measured(20, seed=2)]
-    trials = [replace(trial(k, "A1"), measures=rough[k]) for k in range(20)]
-    trials += [replace(trial(k, "A1", mode="fused"), measures=alike[k]) for k in range(20)]
-    drift = report.drift_of(trials, a_certificate(sources=("fused", "tactile")))
-    assert list(drift) == ["tactile"]
-    assert "fine roughness" in drift["tactile"]
-
-
-def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) -> None:
-    """Two soils, read with and without the font: rust costs a character of two, the font brings half of that back."""
-    parts = designed_parts(parts=4, soil=("workshop", "rust"), given=("format", "font,format"))
-    trials = [
-        Trial(
-            item.part, item.number, {**item.condition.levels, **given_levels(facts)}, mode, "A1",
-            "A1" if item.condition["soil"] == "workshop" or ("font" in facts and item.number % 2) else "A7",
-            "review", 0.5,
-        )
-        for item in parts.items() for facts in item.given for mode in ("tactile", "rapidocr relief")
-    ]  # fmt: skip
-    benchmark = Benchmark(parts, ("tactile", "rapidocr relief"), ReaderSettings())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "draw_worst", not_drawn)
-        report.write_report(benchmark, trials, tmp_path)
-    told = json.loads((tmp_path / report.FIGURES).read_text(encoding="utf-8"))
-    first = told["effects"][0]
-    assert (first["factor"], first["mode"], first["levels"][0]["level"]) == ("soil", "tactile", "rust")
-    lost = sum("A7" in t.text and t.mode == "tactile" for t in trials) / (2 * len(parts.items()))
-    assert first["levels"][0]["difference"]["value"] == pytest.approx(-lost)
-    assert told["knowledge"][0]["serials"]["only_second"] == 0
-    assert {c["given"] for c in told["cells"]} == {"format", "font,format"}
-    text = (tmp_path / report.PAGE).read_text(encoding="utf-8")
-    page = Page(text)
-    assert page.ids.index("factors") < page.ids.index("summary")
-    assert text.index("balanced in every cell") < text.index('id="factors"')
-    assert "a level with fewer than 8 parts has none" in page.text
 
 
 def test_two_parts_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -251,34 +251,6 @@ async def test_callers_who_spoke_once_keep_no_controller_out() -> None:
         writer.close()
 
 
-@pytest.mark.skipif(not hasattr(socket, "TCP_KEEPIDLE"), reason="the system has its own limits")
-async def test_a_controller_that_was_switched_off_is_noticed_within_minutes() -> None:
-    async with listening() as port:
-        reader, writer = await asyncio.open_connection(port.host, port.port)
-        writer.write(b"PING\r\n")
-        assert await reader.readline() == b"PONG\r\n"
-        (caller,) = port._callers.values()
-        raw = caller.writer.get_extra_info("socket")
-        names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
-        idle_s, every_s, times = (raw.getsockopt(socket.IPPROTO_TCP, getattr(socket, name)) for name in names)
-        assert idle_s + times * every_s <= 120
-        writer.close()
-
-
-async def test_callers_who_say_nothing_keep_nobody_out() -> None:
-    async with listening(limits=TcpLimits(connections=2)) as port:
-        speaks, writer = await asyncio.open_connection(port.host, port.port)
-        writer.write(b"PING\r\n")
-        assert await asyncio.wait_for(speaks.readline(), LONG_S) == b"PONG\r\n"
-        for _ in range(5):
-            silent, _ = await asyncio.open_connection(port.host, port.port)
-        assert await said(port, b"PING\r\n") == b"PONG\r\n"
-        assert await asyncio.wait_for(silent.read(), LONG_S) == b""
-        writer.write(b"PING\r\n")
-        assert await asyncio.wait_for(speaks.readline(), LONG_S) == b"PONG\r\n"
-        writer.close()
-
-
 @pytest.mark.parametrize(
     "sent",
     [
@@ -296,13 +268,6 @@ def test_a_web_page_cannot_trigger(sent: bytes) -> None:
         return part(name)
 
     assert (answer_to(sent, trigger), triggered) == (b"", [])
-
-
-async def test_many_web_pages_are_one_line_of_the_log(caplog: pytest.LogCaptureFixture) -> None:
-    async with listening() as port:
-        for _ in range(5):
-            assert await said(port, b"GET / HTTP/1.1\r\n") == b""
-    assert caplog.text.count("TCP port: a web browser") == 1
 
 
 def test_only_the_clients_named_may_call(caplog: pytest.LogCaptureFixture) -> None:

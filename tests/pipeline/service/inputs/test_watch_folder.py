@@ -123,24 +123,6 @@ def bench(tmp_path: Path, served: Served) -> Bench:
     return Bench(tmp_path, served)
 
 
-def test_whether_a_job_can_be_read_is_not_asked_in_the_event_loop(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked_in: list[object] = []
-    monkeypatch.setattr(
-        bench.intake, "can_read", lambda _: asked_in.append(asyncio._get_running_loop()) is None
-    )
-    bench.put("part-3.png")
-    assert bench.look() == ["part-3"]
-    assert asked_in == [None]
-
-
-def test_hidden_characters_of_a_file_s_name_are_replaced_and_letters_composed(bench: Bench) -> None:
-    for name in ("tray-7\u202e3-trap.png", "a\u200bb.png", "Gehause\u0308.png"):
-        bench.put(name)
-    assert sorted(bench.look()) == ["Gehausë", "a_b", "tray-7_3-trap"]
-
-
 def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None:
     bench.put("part-3.png")
     assert bench.look(1) == []
@@ -268,22 +250,7 @@ def test_what_is_no_photograph_is_named_once(bench: Bench, tmp_path: Path) -> No
     ]
 
 
-TEMPORARY = (
-    *(
-        "P17.jpg.part",
-        "P17.jpg.filepart",
-        "P17.jpg.crdownload",
-        "P17.jpg.tmp",
-        ".P17.jpg",
-        "P17.jpg~",
-        "~P17.jpg",
-    ),
-    *("~$P17.jpg", "P17.jpg.partial", "P17.jpg.download", "P17.jpg.!ut", "P17.JPG.PART", ".P17.jpg.Xa1b2C"),
-    *("P17.jpg.part1", "P17.jpg.inprogress", "P17.tmp.jpg"),
-)
-
-
-@pytest.mark.parametrize("temporary", TEMPORARY)
+@pytest.mark.parametrize("temporary", ["P17.jpg.part", ".P17.jpg.Xa1b2C"])
 def test_an_upload_under_a_temporary_name_is_one_part_once_it_is_renamed(
     bench: Bench, temporary: str
 ) -> None:
@@ -291,14 +258,6 @@ def test_an_upload_under_a_temporary_name_is_one_part_once_it_is_renamed(
     assert bench.look(3) == []
     path.rename(bench.folder / "P17.jpg")
     assert bench.look(3) == ["P17"]
-
-
-def test_a_photograph_whose_name_is_no_text_is_read(bench: Bench) -> None:
-    Path(os.fsdecode(os.fsencode(bench.folder) + b"/St\xfcck-7.png")).write_bytes(PNG)
-    bench.put("b.png")
-    assert sorted(bench.look(3)) == ["St_ck-7", "b"]
-    bench.anew()
-    assert len(bench.look(3)) == 2
 
 
 def test_an_upload_that_was_broken_off_is_named_in_the_log(bench: Bench) -> None:

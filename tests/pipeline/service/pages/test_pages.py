@@ -19,11 +19,8 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.reading_records import (
     CharacterRecord,
-    CodeRecord,
-    LineRecord,
     PassRecord,
     ReadingRecord,
-    ScanPlanRecord,
 )
 from pipeline.common.records import (
     Agreement,
@@ -34,7 +31,6 @@ from pipeline.common.records import (
     ReviewAction,
     Scope,
     ShadowRecord,
-    TouchWait,
     TrendStep,
 )
 from pipeline.service.pages.dashboard import charts_of
@@ -42,7 +38,6 @@ from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import align_places, cells_of, expected_cells, places_of
 from pipeline.service.pages.routes import own_address
 from pipeline.store.errors import StoreError
-from recognition.decide.decision import ReadingFlag
 from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, reading
 
 
@@ -57,11 +52,6 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
 def empty_shop(tmp_path: Path) -> Iterator[Shop]:
     with contextlib.closing(Shop(tmp_path)) as made:
         yield made
-
-
-def words(page: str) -> str:
-    """The text of a page, without tags."""
-    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
 
 
 # ---- places
@@ -207,61 +197,6 @@ def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
     assert "scale is not known" in scaleless.note
 
 
-def test_before_touch_the_photograph_is_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
-    plan = ScanPlanRecord(
-        (1.0, 2.0, 41.5, 12.0), (0, 180), 3, 0.05, 0.02, 40.0, 0.3, 12.5, 5.0, "unsure of <K>"
-    )
-    seen = reading("KX", source="vision", decision="reject")
-    touch = TouchWait(False, datetime.now(UTC) + timedelta(hours=1))
-    part_id = shop.add(
-        readings=(seen,), evidence=shop.pictures()[:1], state=PartState.TOUCH_NEEDED, plan=plan, touch=touch
-    )
-    page = shop.client.get(f"/parts/{part_id}").text
-    told = ("not been scanned yet", "unsure of &lt;K&gt;", "0°, 180°", "12.5 s", "waiting for touch")
-    for text in (f"/v1/parts/{part_id}/pictures/photo", "Scan it by the plan below", "low confidence", *told):
-        assert text in page
-    assert "waiting for touch" in shop.client.get("/parts").text
-    shop.add(readings=(reading("", source="vision", decision="reject"),))
-    assert "nothing read" in shop.client.get("/parts").text
-
-
-@pytest.mark.parametrize(
-    ("state", "why", "todo"),
-    [
-        (PartState.ACCEPTED, "Remarks", "Nothing: it is accepted"),
-        (PartState.REVIEW, "Why not accepted", "confirm or correct it"),
-        (PartState.SHADOW, "Remarks", "decides nothing"),
-    ],
-)
-def test_the_page_of_a_part_begins_with_what_to_do(shop: Shop, state: PartState, why: str, todo: str) -> None:
-    part_id = shop.add(state=state)
-    shown = shop.client.get(f"/parts/{part_id}").text
-    assert (f'<a href="../review/{part_id}">Review it</a>' in shown) == (state is PartState.REVIEW)
-    page = words(shown)
-    begin, _, rest = page.partition("What to do")
-    assert "Read KX407251 by touch and camera How sure 0.800" in begin
-    assert begin.endswith(f"{why} low confidence ")
-    assert todo in rest.partition("Part P-1")[0]
-
-
-@pytest.mark.parametrize(
-    ("verdict", "messages", "why"),
-    [
-        ("undecided", (), "the expected serial KX407251 is not confirmed beyond doubt"),
-        ("refuted", (ReadingFlag.MISMATCH.text,), "this is not the expected serial (check the part and the order)"),
-    ],
-)  # fmt: skip
-def test_what_is_read_surely_and_still_not_accepted_is_explained(
-    shop: Shop, verdict: str, messages: tuple[str, ...], why: str
-) -> None:
-    sure = reading("KX407251", decision="accept", confidence=0.998, messages=messages, verdict=verdict)
-    part_id = shop.add(readings=(sure,), expected="KX407251")
-    for address in ("/review", f"/review/{part_id}", f"/parts/{part_id}"):
-        shown = words(shop.client.get(address).text)
-        assert why in shown, address
-        assert "another serial" not in shown, address
-
-
 # ---- review
 
 
@@ -293,12 +228,6 @@ def test_what_cannot_be_taken_is_told_on_the_same_page(shop: Shop) -> None:
     assert shop.store.story(part_id).reviews == ()
 
 
-def test_the_name_is_remembered(shop: Shop) -> None:
-    first, second = shop.add(), shop.add()
-    shop.say(first, "KX407251", who="Jürgen  Müller")
-    assert 'value="Jürgen Müller"' in shop.client.get(f"/review/{second}").text
-
-
 def test_next_goes_round_and_to_the_queue_where_there_is_no_other(empty_shop: Shop) -> None:
     assert goes_to(empty_shop.client.get("/review/next")) == "/review"
     first = empty_shop.add()
@@ -325,24 +254,6 @@ def test_texts_are_shown_as_they_are_everywhere(shop: Shop, text: str) -> None:
         assert "style=" not in page.text  # the policy forbids it
     shown = re.sub(r"<[^>]*>", "", shop.client.get(f"/parts/{part_id}").text)
     assert html.unescape(shown).count(text) >= 3  # name, reading, review
-
-
-def test_other_lines_and_codes_are_shown_with_what_they_say_of_the_serial(shop: Shop) -> None:
-    lines = (LineRecord("lot", "LOT<77", 0.987), LineRecord("", "12/26", 0.9))
-    codes = (
-        CodeRecord("Data Matrix", "SER <7␝", False),
-        CodeRecord("QR Code", "SER KX407251", True),
-        CodeRecord("QR Code", "PNR 7"),
-    )
-    part_id = shop.add(readings=(reading("KX407251", lines=lines, codes=codes),))
-    for address in (f"/review/{part_id}", f"/parts/{part_id}"):
-        said = words(shop.client.get(address).text)
-        assert "lot LOT<77 0.987 another line 12/26 0.900" in said
-        assert "Data Matrix SER <7␝ another serial QR Code SER KX407251 same serial QR Code PNR 7" in said
-    bare = shop.client.get(f"/review/{shop.add()}").text
-    assert "another line" not in bare
-    assert "Felt in" not in bare
-    assert "probability as bar and figure. Letter" in bare
 
 
 def test_agreement_with_the_lines_own_reader(empty_shop: Shop) -> None:
@@ -551,35 +462,6 @@ def felt(direction_deg: int, line_mm: tuple[float, ...], stage_s: float, **more:
     along = (3.0, 38.0) if direction_deg in (0, 180) else (3.0, 10.0)
     made = PassRecord(direction_deg, line_mm, along, 50.0, 1.0, stage_s, "to try it")
     return replace(made, **more)  # type: ignore[arg-type]
-
-
-FELT = (felt(0, (4.0, 6.0), 1.2), felt(270, (5.0,), 1.8, preload_mm=1.5, text="KX407<51", confidence=0.42))
-
-
-@pytest.mark.parametrize("page", ["review", "parts"])
-def test_what_was_felt_is_shown_pass_by_pass(shop: Shop, page: str) -> None:
-    by_touch = reading("KX407251", passes=FELT, stage_s=1.8, stopped="no gain")
-    picture = shop.keep(EvidenceKind.EDGES_PICTURE, b"picture")
-    part_id = shop.add(readings=(by_touch,), evidence=(picture,))
-    shown = html.unescape(shop.client.get(f"/{page}/{part_id}").text)
-    assert 'Felt in 2 passes</b>, <span class="num">1.8 s</span> of stage time' in shown
-    assert "more touch would not resolve the doubt" in shown
-    # (x - x0) / mm + 0.5 pixels, see META
-    assert "translate(0.5 0.5) scale(20.0) translate(-1.0 -2.0)" in shown
-    assert 'd="M3.000 4.000H38.000M3.000 6.000H38.000"' in shown
-    assert 'd="M5.000 3.000V10.000"' in shown
-    assert shown.index("→") < shown.index("↑")
-    assert "pressed on harder: 1.50 mm" in shown
-    assert "at 1.8 s" in shown
-    assert "KX407&lt;51" in shop.client.get(f"/{page}/{part_id}").text
-
-
-def test_passes_are_told_without_their_picture_too(shop: Shop) -> None:
-    part_id = shop.add(readings=(reading("KX", passes=FELT[:1], stage_s=1.2, stopped="the power went"),))
-    shown = shop.client.get(f"/review/{part_id}").text
-    assert "Felt in 1 pass</b>" in shown
-    assert "the power went" in shown
-    assert 'class="trace"' not in shown
 
 
 @pytest.mark.parametrize(
