@@ -46,8 +46,8 @@ def other_lines(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
 def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report other orientations in which the marks can be read, unless a code shows which way up the part lies.
 
-    If both senses read this text, only if both report one. Otherwise all that either reports, and those in which the
-    text has exact images.
+    Of two senses, one that has read this text and can be read in no other orientation knows how the part lies, however
+    dirty the other one is. Otherwise all that either reports, and those in which the text has exact images.
     """
     if not choice.characters or any(choice.is_held_by(code.text) for code in choice.codes):
         return
@@ -59,8 +59,8 @@ def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
         [finding for finding in reading.findings if finding.flag & ReadingFlag.ORIENTATION_UNKNOWN]
         for reading in (felt, seen)
     )
-    if felt.plain_text == seen.plain_text == choice.text:
-        yield from by_touch if by_camera else ()
+    by_sense = ((felt, by_touch), (seen, by_camera))
+    if any(reading.plain_text == choice.text and not doubts for reading, doubts in by_sense):
         return
     findings = [*by_touch, *by_camera]
     for way in ways_possible(settings.orientation, turned_deg=choice.rotation_deg):
