@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from recognition.decide.choice import Choice
 from recognition.decide.deferred import deferred
 from recognition.decide.evidence import DecisionSettings, Evidence
+from recognition.decide.fuse_lattices import lead_nats
 from recognition.decide.reading import CharacterReading, mean_depth_mm
-from recognition.decide.score import DIGITS, Measure, score_of
+from recognition.decide.score import DIGITS, Measure, log_odds, score_of, share
 from recognition.language.confusions import CharacterState
 from recognition.marks.depth import MarkDepth
 from recognition.marks.no_depth import NoDepth
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from whisker_array.estimation.relief import Relief
 
 T = TypeVar("T")
-TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.SAME_TEXT)
+TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.BY_TOUCH)
 STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
 LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
 PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
@@ -142,13 +143,33 @@ def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSetting
 def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measure, float]:
     if choice.odds is None or not choice.characters:
         return {}
-    texts = {choice.text, *(reading.plain_text for reading in choice.alone.values())}
+    felt, by_touch = choice.alone.get("tactile"), None
+    if (
+        choice.is_fused
+        and felt is not None
+        and felt.trace.lattice is not None
+        and felt.trace.odds is not None
+    ):
+        by_touch = odds_by_touch(choice.text, felt.plain_text, felt.trace.lattice, felt.trace.odds)
     return text_measures(
         odds=choice.odds,
         places=[place.confidence for place in choice.characters],
         format_given=settings.grammar is not None,
-        same_text=len(texts) == 1 if choice.is_fused else None,
+        by_touch=by_touch,
     )
+
+
+def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) -> float:
+    """Log odds of a text by touch alone, which may have read another one.
+
+    Args:
+        text: text of as many places as touch has read.
+        felt_text: text of touch.
+        felt: posteriors of touch.
+        felt_odds: log odds of the text of touch.
+    """
+    lead = 0.0 if text == felt_text else lead_nats(felt, felt_text, text)
+    return log_odds(share(felt_odds) * math.exp(-lead))
 
 
 class Measures(Mapping[Measure, float]):
@@ -184,16 +205,18 @@ def text_measures(
     odds: float,
     places: Iterable[float],
     format_given: bool,
-    same_text: bool | None = None,
+    by_touch: float | None = None,
     most_odds: float = 50.0,
 ) -> dict[Measure, float]:
-    """Return the measures of a text that a score needs; `same_text` of both senses, None for one."""
+    """Return the measures of a text that a score needs; `by_touch` only of a text of both senses."""
     measures = {
         Measure.ODDS: min(max(odds, -most_odds), most_odds),
         Measure.LEAST_SURE: min(places),
         Measure.FORMAT_GIVEN: float(format_given),
     }
-    return measures if same_text is None else {**measures, Measure.SAME_TEXT: float(same_text)}
+    if by_touch is not None:
+        measures[Measure.BY_TOUCH] = min(max(by_touch, -most_odds), most_odds)
+    return measures
 
 
 def mean_belief(open_lattice: Lattice | None) -> float | None:

@@ -42,7 +42,7 @@ class Measure(StrEnum):
     ODDS = "log odds of the text before anything else is known"
     LEAST_SURE = "probability of the least sure place"
     FORMAT_GIVEN = "1 with a format, 0 without"
-    SAME_TEXT = "1 if touch and camera read the same text, 0 if not"
+    BY_TOUCH = "log odds of the text by touch alone"
     MARGIN = "least margin"
     BELIEF = "belief before the format"
     EVIDENCE = "evidence against the strongest rival (nats)"

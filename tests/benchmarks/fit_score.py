@@ -17,6 +17,7 @@ Three fits, each by maximum likelihood with a weak penalty:
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -44,7 +45,7 @@ from recognition.decide.fuse_lattices import (
     possible_characters,
     relative_likelihood,
 )
-from recognition.decide.measures import text_measures
+from recognition.decide.measures import odds_by_touch, text_measures
 from recognition.decide.risk_text import USUAL_RISK, risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
 from recognition.language.lattice import Lattice
@@ -57,7 +58,7 @@ TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
     Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
     Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
     Measure.COVERED: ((1.0, 0.0), 0.0),
-    Measure.SAME_TEXT: ((0.0, 1.0), 1.0),
+    Measure.BY_TOUCH: ((-12.0, 0.0, 12.0), 0.0),
 }
 """Measures that may count: ends of their straight pieces, worst first, and the value that adds nothing."""
 HOLD = 0.3
@@ -137,13 +138,15 @@ def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
         alone = _by_sense(part, "tactile")
         return alone and replace(alone, broken=alone.broken or disagree(part, alone.text, fitted.scores))
     lattice = fuse_lattices(touch.lattice, camera.lattice, weights=fitted.weights)
-    own, same_text = part.readings["fused"], touch.text == camera.text == lattice.text
+    own = part.readings["fused"]
+    felt_odds = _odds(touch.lattice, touch.count_probability)
+    by_touch = odds_by_touch(lattice.text, touch.text, touch.lattice, felt_odds)
     return KnownReading(
         part,
         "fused",
         lattice.text,
         own.broken or disagree(part, lattice.text, fitted.scores),
-        {**own.measures, **_text_measures(lattice, touch.count_probability, part, same_text=same_text)},
+        {**own.measures, **_text_measures(lattice, touch.count_probability, part, by_touch=by_touch)},
     )
 
 
@@ -156,16 +159,19 @@ def _by_sense(part: KeptPart, sense: str) -> KnownReading | None:
 
 
 def _text_measures(
-    lattice: Lattice, count_probability: float, part: KeptPart, *, same_text: bool | None = None
+    lattice: Lattice, count_probability: float, part: KeptPart, *, by_touch: float | None = None
 ) -> dict[Measure, float]:
     """Measures of the likeliest text. A kept format allows every text of the characters of its places."""
-    best = np.exp(lattice.log_belief.max(axis=1))
     return text_measures(
-        odds=log_odds(float(best.prod()) * count_probability),
-        places=best.tolist(),
+        odds=_odds(lattice, count_probability),
+        places=np.exp(lattice.log_belief.max(axis=1)).tolist(),
         format_given=bool(part.format),
-        same_text=same_text,
+        by_touch=by_touch,
     )
+
+
+def _odds(lattice: Lattice, count_probability: float) -> float:
+    return log_odds(math.exp(lattice.log_belief.max(axis=1).sum()) * count_probability)
 
 
 def disagree(

@@ -13,7 +13,7 @@ from glyphs.surface.maps import HeightMap
 from recognition.decide import risk
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
-from recognition.decide.evidence import Evidence, Log, SenseEvidence
+from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
 from recognition.decide.judges import lines
 from recognition.decide.reading import Reading
 from recognition.find.find import find, search_of
@@ -79,6 +79,26 @@ def test_an_orientation_that_was_not_looked_at_stays_possible() -> None:
     assert part.main is not None
     unseen = replace(part, main=replace(part.main, other_ways={}))
     assert reading_of(unseen, request).flags & ReadingFlag.ORIENTATION_UNKNOWN
+
+
+@pytest.mark.parametrize(("seen_text", "looked"), [("471275", False), ("471276", False), ("471275", True)])
+def test_touch_that_knows_the_orientation_settles_what_the_camera_does_not(
+    seen_text: str, looked: bool
+) -> None:
+    def evidence(text: str, source: Source, *, looked: bool) -> Evidence:
+        part, _ = read(view_of(text), "999999")
+        assert part.main is not None
+        part = part if looked else replace(part, main=replace(part.main, other_ways={}))
+        return Evidence.of(SenseEvidence(source, lines=part, log=Log(rows_known=True)))
+
+    settings = ReaderSettings(format=Grammar(format="999999"))
+    felt, seen = evidence("471275", "tactile", looked=True), evidence(seen_text, "vision", looked=looked)
+    assert bool(decide(seen, settings).flags & ReadingFlag.ORIENTATION_UNKNOWN) != looked
+    reading = decide(felt.joined(seen), settings)
+    assert reading.plain_text == "471275"
+    assert not reading.flags & ReadingFlag.ORIENTATION_UNKNOWN
+    neither = evidence("471275", "tactile", looked=False).joined(evidence("471275", "vision", looked=False))
+    assert decide(neither, settings).flags & ReadingFlag.ORIENTATION_UNKNOWN
 
 
 def test_a_text_that_no_other_way_can_show_is_read_one_way() -> None:

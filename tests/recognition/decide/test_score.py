@@ -144,7 +144,7 @@ VALUES = {
     Measure.FORMAT_GIVEN: st.sampled_from([0.0, 1.0]),
     Measure.EVIDENCE: st.floats(-10.0, 15.0),
     Measure.COVERED: st.floats(0.0, 1.0),
-    Measure.SAME_TEXT: st.sampled_from([0.0, 1.0]),
+    Measure.BY_TOUCH: st.floats(-13.0, 13.0),
 }
 
 
@@ -168,12 +168,17 @@ def test_measures_of_a_text_are_those_of_its_reading() -> None:
     measured = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
     expected = text_measures(odds=log_odds(math.prod(places) * 0.9), places=places, format_given=False)
     assert {name: measured[name] for name in expected} == pytest.approx(expected)
-    assert Measure.SAME_TEXT not in measured
+    assert Measure.BY_TOUCH not in measured
     both = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(lattice, "vision")))
-    assert decide(both, SETTINGS).measures[Measure.SAME_TEXT] == 1.0
-    other = Lattice(("A", "B"), lattice.log_belief[:, ::-1])
-    apart = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(other, "vision")))
-    assert decide(apart, SETTINGS).measures[Measure.SAME_TEXT] == 0.0
+    assert decide(both, SETTINGS).measures[Measure.BY_TOUCH] == pytest.approx(log_odds(math.prod(places)))
+    swapped = lattice.log_belief.copy()
+    swapped[1] = np.log([0.001, 0.998])
+    seen = Evidence.of(sense_of(Lattice(("A", "B"), swapped), "vision"))
+    outvoted = decide(Evidence.of(sense_of(lattice)).joined(seen), SETTINGS)
+    assert outvoted.plain_text == "ABAA"
+    # touch holds 0.7 for A there, 0.15 for B and 0.15 for whatever it may be
+    less_likely = math.prod(places) * (0.15 + 0.075) / (0.7 + 0.075)
+    assert outvoted.measures[Measure.BY_TOUCH] == pytest.approx(log_odds(less_likely))
 
 
 TESTED = Score(
