@@ -27,13 +27,14 @@ from recognition.marks.no_depth import NoDepth
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
+    from recognition.language.grammar import Grammar
     from recognition.language.lattice import Lattice
     from recognition.marks.laid_text import LaidText
     from recognition.marks.strokes import PlaceStrokes
     from whisker_array.estimation.relief import Relief
 
 T = TypeVar("T")
-TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.BY_TOUCH)
+TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.TWINS, Measure.BY_TOUCH)
 STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
 LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
 PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
@@ -154,8 +155,22 @@ def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measur
     return text_measures(
         odds=choice.odds,
         places=[place.confidence for place in choice.characters],
-        format_given=settings.grammar is not None,
+        twins=unsettled_twins(choice.text, settings.grammar),
         by_touch=by_touch,
+    )
+
+
+def unsettled_twins(text: str, grammar: Grammar | None, *, pairs: Sequence[str] = ("0O", "1I", "5S")) -> int:
+    """Number of characters of a text that nothing but their shape tells from their twin, which is much the same.
+
+    Args:
+        grammar: format; where it forbids the twin, or a check digit does, the character is settled.
+    """
+    twins = {char: twin for pair in pairs for char, twin in (pair, pair[::-1])}
+    return sum(
+        grammar is None or grammar.allows(text[:k] + twins[char] + text[k + 1 :])
+        for k, char in enumerate(text)
+        if char in twins
     )
 
 
@@ -204,7 +219,7 @@ def text_measures(
     *,
     odds: float,
     places: Iterable[float],
-    format_given: bool,
+    twins: int,
     by_touch: float | None = None,
     most_odds: float = 50.0,
 ) -> dict[Measure, float]:
@@ -212,7 +227,7 @@ def text_measures(
     measures = {
         Measure.ODDS: min(max(odds, -most_odds), most_odds),
         Measure.LEAST_SURE: min(places),
-        Measure.FORMAT_GIVEN: float(format_given),
+        Measure.TWINS: float(twins),
     }
     if by_touch is not None:
         measures[Measure.BY_TOUCH] = min(max(by_touch, -most_odds), most_odds)

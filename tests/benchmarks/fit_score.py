@@ -45,7 +45,7 @@ from recognition.decide.fuse_lattices import (
     possible_characters,
     relative_likelihood,
 )
-from recognition.decide.measures import odds_by_touch, text_measures
+from recognition.decide.measures import odds_by_touch, text_measures, unsettled_twins
 from recognition.decide.risk_text import USUAL_RISK, risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
 from recognition.language.lattice import Lattice
@@ -56,7 +56,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
     Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
-    Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
+    Measure.TWINS: ((3.0, 0.0), 0.0),
     Measure.COVERED: ((1.0, 0.0), 0.0),
     Measure.BY_TOUCH: ((-12.0, 0.0, 12.0), 0.0),
 }
@@ -165,7 +165,7 @@ def _text_measures(
     return text_measures(
         odds=_odds(lattice, count_probability),
         places=np.exp(lattice.log_belief.max(axis=1)).tolist(),
-        format_given=bool(part.format),
+        twins=unsettled_twins(lattice.text, part.readings["tactile"].grammar),
         by_touch=by_touch,
     )
 

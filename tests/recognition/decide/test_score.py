@@ -24,6 +24,7 @@ from recognition.decide.measures import (
     photo_measures,
     stroke_measures,
     text_measures,
+    unsettled_twins,
 )
 from recognition.decide.reading import Reading
 from recognition.decide.score import (
@@ -37,6 +38,7 @@ from recognition.decide.score import (
     score_of,
     share,
 )
+from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.marks.strokes import PlaceStrokes, RivalStrokes
@@ -72,7 +74,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("odds", [math.inf, -math.inf])
 def test_certainty_is_no_missing_value(odds: float) -> None:
     probability = share(odds)
-    measured = text_measures(odds=log_odds(probability), places=[probability], format_given=True)
+    measured = text_measures(odds=log_odds(probability), places=[probability], twins=0)
     assert (measured[Measure.ODDS], measured[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
     assert Measure.ODDS not in Measures({(Measure.ODDS,): dict})
 
@@ -141,7 +143,7 @@ def test_strokes_are_measured_at_the_weakest_place() -> None:
 VALUES = {
     Measure.ODDS: st.floats(-13.0, 13.0),
     Measure.LEAST_SURE: st.floats(0.0, 1.0),
-    Measure.FORMAT_GIVEN: st.sampled_from([0.0, 1.0]),
+    Measure.TWINS: st.integers(0, 9),
     Measure.EVIDENCE: st.floats(-10.0, 15.0),
     Measure.COVERED: st.floats(0.0, 1.0),
     Measure.BY_TOUCH: st.floats(-13.0, 13.0),
@@ -156,7 +158,7 @@ def test_a_better_measure_never_lowers_a_score(source: str, data: st.DataObject)
     assert len(fitted.terms) <= 4
     values = {name: data.draw(of_measure) for name, of_measure in VALUES.items()}
     name = data.draw(st.sampled_from(sorted(VALUES)))
-    step = data.draw(st.floats(0.0, 2.0)) * (-1.0 if name is Measure.COVERED else 1.0)
+    step = data.draw(st.floats(0.0, 2.0)) * (-1.0 if name in (Measure.COVERED, Measure.TWINS) else 1.0)
     improved = {**values, name: values[name] + step}
     assert fitted.probability(improved) >= fitted.probability(values) - 1e-12
     assert fitted.probability(values) <= values[Measure.LEAST_SURE]
@@ -166,7 +168,7 @@ def test_measures_of_a_text_are_those_of_its_reading() -> None:
     places = (0.99, 0.7, 0.9, 0.95)
     lattice = Lattice(("A", "B"), np.log([[p, 0.5 * (1.0 - p)] for p in places]))
     measured = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
-    expected = text_measures(odds=log_odds(math.prod(places) * 0.9), places=places, format_given=False)
+    expected = text_measures(odds=log_odds(math.prod(places) * 0.9), places=places, twins=0)
     assert {name: measured[name] for name in expected} == pytest.approx(expected)
     assert Measure.BY_TOUCH not in measured
     both = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(lattice, "vision")))
@@ -179,6 +181,22 @@ def test_measures_of_a_text_are_those_of_its_reading() -> None:
     # touch holds 0.7 for A there, 0.15 for B and 0.15 for whatever it may be
     less_likely = math.prod(places) * (0.15 + 0.075) / (0.7 + 0.075)
     assert outvoted.measures[Measure.BY_TOUCH] == pytest.approx(log_odds(less_likely))
+
+
+@pytest.mark.parametrize(
+    ("text", "grammar", "twins"),
+    [
+        ("S0I7", None, 3),
+        ("S0I7", Grammar(format="A9A9"), 0),
+        ("S0I7", Grammar(expression="[A-Z0-9][0-9][A-Z][0-9]"), 1),
+        ("S0I7", Grammar(exclude="O"), 2),
+        ("AB27", None, 0),
+    ],
+)
+def test_twins_that_the_format_does_not_tell_apart_are_counted(
+    text: str, grammar: Grammar | None, twins: int
+) -> None:
+    assert unsettled_twins(text, grammar) == twins
 
 
 TESTED = Score(
