@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from glyphs import stamp
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 from tests.support.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).parents[2]

@@ -19,9 +19,8 @@ from asyncua import Client
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
 from tests.contract.front_doors import RunningService, environment, run_service, synth, truth_of
-from tests.support.line_broker import GuardedBroker
+from tests.support.line_broker import GuardedBroker, web_hook
 from tests.support.waiting import free_port
-from tests.support.web_hook import web_hook
 
 FORMAT = "A99"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.front_doors import main, start_process
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 from tests.support.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.usefixtures("empty_folder")

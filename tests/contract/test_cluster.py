@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.front_doors import save_height_map
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 pytest.importorskip("distributed")
 from tests.support.cluster_process import ClusterProcess, cluster_process, environment

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.contract.front_doors import main
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
 

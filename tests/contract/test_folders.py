@@ -13,7 +13,7 @@ from PIL import Image
 from glyphs import stamp
 from pipeline import NothingFoundError, discover, read_height_map, write_photo
 from tests.contract.front_doors import Command
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ import pytest
 from PIL import Image
 
 from glyphs import stamp
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from tests.contract.front_doors import ROOT, Command
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 TEXT, FORMAT = "1X2100H", "9A9999A"
 

@@ -23,8 +23,7 @@ from PIL import Image
 
 from tests.contract.front_doors import status_of
 from tests.contract.plant import Plant, run_plant
-from tests.support.line_broker import Listener
-from tests.support.opcua_frames import hello, message
+from tests.support.line_broker import Listener, hello, message
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.anyio

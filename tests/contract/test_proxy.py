@@ -15,9 +15,8 @@ import httpx
 import pytest
 
 from tests.contract.front_doors import RunningService, environment, main, run_service
-from tests.support.programs import program
-from tests.support.self_signed import certificates
-from tests.support.waiting import free_port, wait_until
+from tests.support.line_broker import certificates
+from tests.support.waiting import free_port, program, wait_until
 
 CONFIG = Path(__file__).parents[2] / "docs" / "deploy" / "nginx.conf"
 ELSEWHERE = "203.0.113.9"

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.front_doors import main, save_height_map, start_process
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 from tests.support.waiting import PATIENCE_S, children, is_alive, wait_until
 
 PARTS = 8

@@ -11,7 +11,7 @@ import openpyxl
 import pytest
 
 from tests.contract.front_doors import Command, save_height_map
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 AS_GIVEN = ("--orientation", "upright", "--rows", "top-first")
 READ = ("--format", "9999", "--font", "gothic", "--height-mm", "4", "--jobs", "1", *AS_GIVEN)

@@ -20,7 +20,7 @@ from pipeline.service.app import GRACE_S, PART_TIMEOUT_S
 from pipeline.service.settings import ServiceSettings
 from pipeline.workers.machine import LEAST_UPLOAD
 from tests.support.line_broker import Broker, Listener
-from tests.support.programs import program
+from tests.support.waiting import program
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "docs" / "deploy"

@@ -26,8 +26,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.cli.demo import PLATES
-from tests.support.programs import program
-from tests.support.waiting import free_port
+from tests.support.waiting import free_port, program
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", *(f"docs/pages/tutorials/{name}.md" for name in ("read-parts", "line", "judge")),

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from paper_figures import draw_figures
 from paper_steps import PRELOAD_MM, StepError, Wedge, feel_step, paper_whisker, read_step
 
-from tests.support.csv_table import csv_rows
-from tests.support.stress import preload_stress_mpa
+from tests.support.benches import preload_stress_mpa
+from tests.support.run_tables import csv_rows
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.validity import deflection_ratio
 

@@ -42,11 +42,11 @@ from pipeline.store import postgres
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
+from tests.support.line_broker import web_hook
 from tests.support.postgres_server import PostgresServer
 from tests.support.service_fixtures import InlinePool
 from tests.support.store_samples import reading
 from tests.support.waiting import PATIENCE_S, free_port, wait_until
-from tests.support.web_hook import web_hook
 
 FROZEN, SILENT_S, FROZEN_S = "frozen", 1.0, 3.0
 """A database that is stopped for a while, and seconds after which a service gives it up."""

@@ -12,7 +12,7 @@ import pytest
 
 from tests.faults.explore import preloaded
 from tests.faults.power_loss import CHOICES, Call, Disk
-from tests.support.programs import program
+from tests.support.waiting import program
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
 

@@ -1,4 +1,4 @@
-"""Where there is no text none is read: bare plates, pictures of other things, and signs of no alphabet."""
+"""Where there is no text none is read; real coins are, without any setting."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ from recognition.decide.reading import Reading
 from recognition.reader import Reader
 from tests.support.felt import felt
 from whisker_array.scan.scan import Scan
+
+# ----------------------------------------------------------------------------------------------------------- no text
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 HEIGHT_MM = 5.0
@@ -91,3 +93,26 @@ def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters
     assert (reading.decision is Decision.ACCEPT) == accepted
     place = 1 + next((k for k, char in enumerate(text) if not char.isalnum()), -1)
     assert accepted or any(f"place {place}" in message for message in reading.messages())
+
+
+# ------------------------------------------------------------------------------------------------------------- coins
+
+ROOT = Path(__file__).parents[2]
+OWN = ROOT / "tests" / "data"
+
+
+def read(strip: Path) -> tuple[Reading, str]:
+    with np.load(strip) as data:
+        relief, text = HeightMap(data["z_mm"], float(data["pitch_mm"])), str(data["text"])
+    return Reader().read(relief), text
+
+
+@pytest.mark.parametrize(
+    "strip",
+    [OWN / "penny_LIBERTY.npz", OWN / "penny_1997.npz"],
+    ids=lambda strip: strip.stem,
+)
+def test_a_coin_is_read_without_any_setting(strip: Path) -> None:
+    reading, text = read(strip)
+    assert (reading.text, reading.raised) == (text, True)
+    assert reading.decision is not Decision.REJECT

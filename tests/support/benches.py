@@ -1,4 +1,4 @@
-"""Recordings over test pieces by benches whose numbers are known."""
+"""Recordings over test pieces by benches whose numbers are known; stress of a whisker as an oracle."""
 
 from __future__ import annotations
 
@@ -26,8 +26,12 @@ from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.scan.stage_play import draw_stage_play
 from whisker_array.whisker.array import RasterPlan, default_comb
 from whisker_array.whisker.defaults import default_whisker
-from whisker_array.whisker.shapes import LShaped
+from whisker_array.whisker.sections import Taper
+from whisker_array.whisker.shapes import LShaped, Whisker
 from whisker_array.whisker.touch import Touch, default_touch
+from whisker_array.whisker.validity import land_force_n
+
+# ----------------------------------------------------------------------------------------------------------- benches
 
 HEIGHT_MM = 5.0
 FINE_MM, IRON_MM = 0.01, 0.005
@@ -174,3 +178,30 @@ def _lain(piece: Piece, bench: Bench) -> HeightMap:
     return HeightMap(
         (piece.height_mm(of_x - _BESIDE_MM, of_y - _BESIDE_MM) + tilt).astype(np.float32), IRON_MM
     )
+
+
+# ------------------------------------------------------------------------------------------------------------ stress
+
+
+def preload_stress_mpa(whisker: Whisker, *, preload_mm: float, mu: float) -> float:
+    """Peak bending stress M c / I on the land at this preload, MPa.
+
+    Vertical and lateral bending are added (exact at the corners of a rectangle, on the safe side for round
+    wire; a planar whisker has no lateral part). Looked at are both ends of every segment and 33 places of a
+    taper.
+    """
+    force = land_force_n(whisker, preload_mm=preload_mm, mu=mu)
+    segments = whisker.segments()
+    tip = segments[-1].end_mm
+    peak = 0.0
+    for segment in segments:
+        places = np.linspace(0.0, 1.0, 33 if isinstance(segment.section, Taper) else 2)
+        _, lateral, vertical = segment.axes
+        for t in places:
+            section = segment.section_at(float(t))
+            point = segment.start_mm + t * (segment.end_mm - segment.start_mm)
+            moment = np.cross(tip - point, force)
+            up_down = abs(float(moment @ lateral)) * section.c_vertical_mm / section.i_vertical_mm4
+            sideways = abs(float(moment @ vertical)) * section.c_lateral_mm / section.i_lateral_mm4
+            peak = max(peak, up_down + sideways)
+    return peak

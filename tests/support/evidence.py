@@ -1,4 +1,4 @@
-"""Evidence made up for tests: lines with given posteriors, and texts with given marks."""
+"""Evidence and readings made up for tests: lines with given posteriors, and texts with given marks."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from typing import Any, cast
 import numpy as np
 
 from recognition.decide.choice import Choice
-from recognition.decide.decision import Finding
+from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
-from recognition.decide.reading import CharacterReading
+from recognition.decide.reading import Candidate, CharacterReading, Reading
 from recognition.find.part_lines import PartLines
+from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.marks.measure import TextMarks
 from recognition.marks.strokes import PlaceStrokes
 from recognition.recogniser.read_line import Floats, ReadLine
 from recognition.see.text_line import HEIGHT_ROWS, TextLine
 from recognition.settings import ReaderSettings
-from tests.support.readings import reading_of
+
+# ---------------------------------------------------------------------------------------------------------- evidence
 
 LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0)
 
@@ -130,3 +132,28 @@ def judged(choice: Choice, *judges: Judge, settings: ReaderSettings | None = Non
     """What judges say of a text."""
     evidence, settings = Evidence.of(choice.sense), settings or ReaderSettings()
     return tuple(finding for judge in judges for finding in judge(evidence, choice, settings))
+
+
+# ---------------------------------------------------------------------------------------------------------- readings
+
+BOX = Box(0.0, 0.0, 1.0, 1.0)
+
+
+def reading_of(
+    text: str,
+    confidence: float = 0.99,
+    *,
+    beliefs: float | Sequence[float] = 0.99,
+    flags: ReadingFlag = ReadingFlag.NONE,
+    findings: Sequence[Finding] = (),
+    **more: Any,
+) -> Reading:
+    """A text, each place believed so much, with flags in general words; `more` is for the reading."""
+    each = [beliefs] * len(text) if isinstance(beliefs, float) else beliefs
+    places = (CharacterReading((Candidate(c, 1.0, p),), BOX) for c, p in zip(text, each, strict=True))
+    return Reading(tuple(places), confidence, (*map(Finding.of, flags), *findings), **more)
+
+
+def traced(reading: Reading, **fields: Any) -> Reading:
+    """The reading with these fields of its trace."""
+    return replace(reading, trace=replace(reading.trace, **fields))

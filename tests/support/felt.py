@@ -1,4 +1,4 @@
-"""Whole plates as the default plan feels them."""
+"""What touch feels of parts in tests, and parts that are tilted, shallower, or struck by blows."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial.transform import Rotation
 
+from glyphs.fonts.glyph import Font
+from glyphs.soiling.soil import Soil
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
+from recognition.enrol.learned_font import Hand
 from recognition.see.curves import straight_through
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.see.view import HEIGHTS, KNOWN, LAYERS, View, ViewKind
@@ -16,6 +22,8 @@ from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
 from whisker_array.whisker.touch import Touch, default_touch
+
+# -------------------------------------------------------------------------------------------------------------- felt
 
 
 def felt(
@@ -58,3 +66,41 @@ def shallower(part: StampedPart, which: int, *, floor_mm: float, below: float = 
     lifted = z[cell] - z[cell].min() - floor_mm
     z[cell] = np.minimum(lifted, 0.0)
     return HeightMap(z, pitch)
+
+
+# ------------------------------------------------------------------------------------------------------------ tilted
+
+
+def tilted(flat: HeightMap, deg: float, azimuth_deg: float) -> tuple[HeightMap, Soil]:
+    """What an instrument measures from above of a tilted plate; the soil is as thick as the plate's x."""
+    row, col = np.indices(flat.shape)
+    at = np.stack([flat.pitch_mm * col, flat.pitch_mm * row, flat.z_mm], axis=-1).reshape(-1, 3)
+    azimuth = np.radians(azimuth_deg)
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    seen = Rotation.from_rotvec(np.radians(deg) * axis).apply(at)
+    low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
+    x, y = (np.arange(a, b, flat.pitch_mm) for a, b in zip(low, high, strict=True))
+    grid = LinearNDInterpolator(seen[:, :2], np.column_stack([seen[:, 2], at[:, 0]]))(*np.meshgrid(x, y))
+    return HeightMap(grid[..., 0], flat.pitch_mm), Soil(
+        np.nan_to_num(np.maximum(grid[..., 1], 0.0)), 1.0, 0.2
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------- blows
+
+BLOW_SIZE = (53, 65)
+
+
+def drawn(char: str, font: Font) -> NDArray[np.float32]:
+    """A character of the font as it is."""
+    relief = Hand(font, 1.0, 0.0, 0.0, 0.04, 1.0).relief(char, BLOW_SIZE)
+    assert relief is not None
+    return relief
+
+
+def blow(char: str, seed: int, font: Font) -> NDArray[np.float32]:
+    """A character as a blow leaves it: moved, turned, deeper or not, rough."""
+    rng = np.random.default_rng([ord(char), seed])
+    turned = ndimage.rotate(drawn(char, font), rng.normal(0.0, 1.2), reshape=False, order=1)
+    moved = ndimage.shift(turned, rng.normal(0.0, 0.8, 2), order=1) * rng.normal(1.0, 0.12)
+    return np.asarray(moved + rng.normal(0.0, 0.001, BLOW_SIZE), dtype=np.float32)

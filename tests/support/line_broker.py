@@ -1,21 +1,26 @@
-"""A real mosquitto of the test's own, and whoever listens to it."""
+"""A real mosquitto, a web server that is posted to, frames of OPC UA, and certificates: what a service talks to."""
 
 from __future__ import annotations
 
 import contextlib
+import datetime as dt
+import ipaddress
 import json
 import signal
+import struct
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from tests.support.programs import program
-from tests.support.waiting import free_port, listens, wait_until
+from tests.support.waiting import free_port, listens, program, wait_until
+
+# ------------------------------------------------------------------------------------------------------- line broker
 
 
 class Broker:
@@ -133,3 +138,86 @@ class Listener:
     def statuses(self, prefix: str = "tactile-marks") -> list[str]:
         """The values of the status, in order."""
         return [body.decode() for topic, body, _ in self.messages if topic == f"{prefix}/status"]
+
+
+# ---------------------------------------------------------------------------------------------------------- web hook
+
+
+@contextlib.contextmanager
+def web_hook(take: Callable[[str, bytes], int]) -> Iterator[str]:
+    """The address of a server that answers every post with the status that `take` gives for its path and body."""
+
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def do_POST(self) -> None:
+            status = take(self.path.strip("/"), self.rfile.read(int(self.headers["content-length"])))
+            self.send_response(status)
+            self.send_header("content-length", "0")
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+    class Server(ThreadingHTTPServer):
+        daemon_threads = True
+
+        def handle_error(self, *_: object) -> None:
+            """Say nothing: the sender was killed."""
+
+    server = Server(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+# ------------------------------------------------------------------------------------------------------ opcua frames
+
+
+def message(kind: bytes, body: bytes) -> bytes:
+    """A frame: its kind, its length, what it holds."""
+    return kind + struct.pack("<I", 8 + len(body)) + body
+
+
+def hello(url: str) -> bytes:
+    """The first frame of a connection."""
+    return message(b"HELF", struct.pack("<IIIIII", 0, 65536, 65536, 0, 0, len(url)) + url.encode())
+
+
+# ------------------------------------------------------------------------------------------------------- self signed
+
+
+def certificates(folder: Path, name: str) -> tuple[Path, Path]:
+    """A certificate of its own authority for 127.0.0.1, and its key."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    who = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    now = dt.datetime.now(dt.UTC)
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(who)
+        .issuer_name(who)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - dt.timedelta(days=1))
+        .not_valid_after(now + dt.timedelta(days=1))
+        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+        .add_extension(
+            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), critical=False
+        )
+        .sign(key, hashes.SHA256())
+    )
+    certificate, private = folder / f"{name}.crt", folder / f"{name}.key"
+    certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    private.write_bytes(
+        key.private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        )
+    )
+    return certificate, private

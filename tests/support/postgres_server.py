@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tests.support.programs import program
+from tests.support.waiting import program
 
 _START_S = 30.0
 _PR_SET_PDEATHSIG = 1

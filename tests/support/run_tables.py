@@ -1,10 +1,11 @@
-"""Tables of runs, read as any program may: csv, json and Parquet."""
+"""What runs are tested with: an executor that reads nothing, a progress that counts, tables read as by any program."""
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,14 @@ import pyarrow.parquet
 from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
+from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_job import PartJob
+from pipeline.reading.triage import ReadPart
+from pipeline.runs.progress import Progress
 from pipeline.runs.tables import SUFFIXES, form_of, write_table
-from tests.support.csv_table import csv_rows
+from pipeline.workers.executors import Executor, Outcome
+
+# -------------------------------------------------------------------------------------------------------- run tables
 
 _BEST = tuple(f.name for f in fields(CandidateRecord))
 _WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
@@ -79,3 +86,63 @@ def record_of(values: dict[str, Any]) -> ReadingRecord:
         best, others = {name: place.pop(name) for name in _BEST}, place.pop("alternatives")
         place["candidates"] = [best, *others] if best["char"] else []
     return from_json(ReadingRecord, values)
+
+
+# --------------------------------------------------------------------------------------------------------- csv table
+
+
+def csv_rows(path: Path | str) -> list[dict[str, str]]:
+    """The rows of a CSV table, by column."""
+    with Path(path).open(newline="", encoding="utf-8-sig") as stream:
+        return list(csv.DictReader(stream))
+
+
+# ----------------------------------------------------------------------------------------------------- fake executor
+
+
+class FakeExecutor(Executor):
+    """Has an answer to every part, and breaks off after some.
+
+    Attributes:
+        read: names of the parts that were asked for.
+    """
+
+    def __init__(
+        self,
+        answer: Callable[[PartFiles, PartJob], ReadPart | Exception],
+        *,
+        breaks_after: int = 99,
+        backwards: bool = False,
+    ) -> None:
+        self.answer, self.breaks_after, self.backwards = answer, breaks_after, backwards
+        self.read = list[str]()
+
+    def calls(
+        self, function: Callable[[Any, Any], Any], job: PartJob, tasks: Iterable[PartFiles]
+    ) -> Iterator[Outcome[Any, Any]]:
+        for part in reversed(list(tasks)) if self.backwards else tasks:
+            if len(self.read) == self.breaks_after:
+                raise KeyboardInterrupt
+            self.read.append(part.name)
+            answer = self.answer(part, job)
+            failed = isinstance(answer, Exception)
+            yield Outcome(part, error=answer) if failed else Outcome(part, answer)
+
+
+# ----------------------------------------------------------------------------------------------------------- counted
+
+
+class Counted(Progress):
+    """Counts parts; as an interrupt it ends the run after so many."""
+
+    def __init__(self, *, stop_after: int | None = None) -> None:
+        self.starts: list[tuple[int, int]] = []
+        self.parts, self.failed, self._stop_after = 0, 0, stop_after
+
+    def start(self, total: int, done: int = 0) -> None:
+        self.starts.append((total, done))
+
+    def advance(self, *, failed: bool = False) -> None:
+        self.parts, self.failed = self.parts + 1, self.failed + failed
+        if self.parts == self._stop_after:
+            raise KeyboardInterrupt

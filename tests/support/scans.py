@@ -1,4 +1,4 @@
-"""Small scans, whole plans, and their comparison."""
+"""Scans, plans and stages for tests."""
 
 from __future__ import annotations
 
@@ -12,8 +12,13 @@ from pipeline.service.stage import ScanOrder
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import save_scan
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.session import SessionStage
+from whisker_array.scan.session import SessionStage, StageSession
+from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.passes import Pass
+
+# ------------------------------------------------------------------------------------------------------------- scans
 
 SMALL_PLAN = RasterPlan(
     array=WhiskerArray(4, 1.0),
@@ -85,3 +90,31 @@ def assert_same_scan(one: Scan, other: Scan) -> None:
     noted = ("kind", "line_pitch_mm", "sample_rate_hz", "part_id", "start_time", "fidelity", "notes")
     _assert_values(one, other, *noted)
     assert_same_calibration(one.calibration, other.calibration)
+
+
+# ----------------------------------------------------------------------------------------------------------- jamming
+
+
+class Jamming:
+    """A session that fails after so many passes, if it does.
+
+    Attributes:
+        felt: passes so far.
+        closed: how often it was closed.
+    """
+
+    def __init__(
+        self, within: StageSession, after: int | None = None, fault: type[Exception] = StageError
+    ) -> None:
+        self._within, self._after, self._fault, self.fitting = within, after, fault, within.fitting
+        self.felt = self.closed = 0
+
+    def feel(self, order: Pass) -> Sweep:
+        if self.felt == self._after:
+            raise self._fault("the array has jammed")
+        self.felt += 1
+        return self._within.feel(order)
+
+    def close(self) -> None:
+        self.closed += 1
+        self._within.close()

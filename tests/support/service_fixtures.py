@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
 from starlette.testclient import TestClient
 
 from pipeline.common.records import PartRecord
@@ -19,7 +20,28 @@ from pipeline.service.web.problem import problem_of
 from pipeline.service.web_app import create_app
 from pipeline.workers.machine import Machine
 from pipeline.workers.pool import BusyError
-from tests.support.kept_adapters import keep_adapters
+
+# FastAPI prepares a type for every route that takes or gives it, in every app anew: a third of a second for every
+# service of a test; here each is prepared once
+KEPT: dict[tuple[object, str], TypeAdapter[Any]] = {}
+
+
+def kept(annotation: Any, *, config: Any = None) -> TypeAdapter[Any]:
+    """The adapter of a type; it is not changed by those who use it."""
+    key = (getattr(annotation, "__origin__", annotation), f"{annotation} {config}")
+    if key not in KEPT:
+        KEPT[key] = TypeAdapter(annotation, config=config)
+    return KEPT[key]
+
+
+def keep_adapters() -> None:
+    """Have all apps of this process share their adapters; another FastAPI may make them elsewhere, and takes longer."""
+    with contextlib.suppress(ImportError):
+        from fastapi._compat import v2
+
+        if hasattr(v2, "TypeAdapter"):
+            v2.TypeAdapter = kept  # type: ignore[assignment,misc]
+
 
 keep_adapters()
 FORMAT = "AA99"

@@ -1,13 +1,20 @@
-"""Waiting for processes and threads, and how they are found."""
+"""Waiting for processes and threads, how they are found, and programs that pip does not bring."""
 
 from __future__ import annotations
 
 import contextlib
+import os
+import shutil
 import socket
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
+
+import pytest
+
+# ----------------------------------------------------------------------------------------------------------- waiting
 
 PATIENCE_S = 120.0
 """Within which anything happens that happens at all; the first start on a machine compiles the kernels."""
@@ -67,3 +74,23 @@ def is_alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except (FileNotFoundError, ProcessLookupError):
         return False
+
+
+# ---------------------------------------------------------------------------------------------------------- programs
+
+_PLACES = (
+    str(Path(sys.executable).parent),
+    *("/usr/sbin", "/usr/local/sbin"),
+    *map(str, Path("/usr/lib/postgresql").glob("*/bin")),
+)
+
+
+def program(name: str) -> str:
+    """Where a program is; skips the test, or fails it where everything must be tested."""
+    found = shutil.which(name) or shutil.which(name, path=os.pathsep.join(_PLACES))
+    if found is None:
+        told = f"{name} is not installed"
+        if os.environ.get("MARKS_TEST_ALL") == "1":
+            pytest.fail(f"{told}, and MARKS_TEST_ALL asks for every test")
+        pytest.skip(told)
+    return found

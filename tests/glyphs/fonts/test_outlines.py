@@ -1,3 +1,7 @@
+"""Fonts and glyphs, and serials drawn by a mask."""
+
+from __future__ import annotations
+
 import itertools
 import string
 from pathlib import Path
@@ -5,12 +9,16 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.path import Path as PlotPath
 from scipy.spatial import cKDTree
 
 from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance, with_stroke
 from glyphs.fonts.outlines import BUILTIN_FONTS, SERIAL_CHARACTERS, load_font
-from glyphs.fonts.serials import SIGNS
+from glyphs.fonts.serials import SIGNS, FormatError, allowed_characters, random_text
+
+# ---------------------------------------------------------------------------------------------------------- outlines
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 CFF_LIKE_STIX = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "STIXGeneral.ttf"
@@ -242,3 +250,36 @@ def test_a_changed_font_file_is_read_again(tmp_path):
     first = load_font(path)
     path.write_bytes(CFF_LIKE_STIX.read_bytes())
     assert load_font(path).name != first.name
+
+
+# ----------------------------------------------------------------------------------------------------------- serials
+
+formats = st.text("A9*BZ-./0", min_size=1, max_size=12)
+
+
+def test_mask_letters():
+    letters, figures = string.ascii_uppercase, string.digits
+    assert allowed_characters("A9*-") == (letters, figures, letters + figures, "-")
+    assert allowed_characters(r"a-\a\A\\") == (string.ascii_lowercase, "-", "a", "A", "\\")
+    assert allowed_characters("B0") == ("B", "0")
+    assert "O" not in allowed_characters("A", exclude="IOQ")[0]
+    assert allowed_characters("O", exclude="IOQ") == ("O",)
+
+
+@given(format=formats, seed=st.integers(0, 2**32 - 1))
+def test_random_text_obeys_its_mask_and_its_seed(format, seed):
+    text = random_text(format, rng=np.random.default_rng(seed), exclude="IOQ")
+    assert len(text) == len(format)
+    assert all(
+        c in allowed for c, allowed in zip(text, allowed_characters(format, exclude="IOQ"), strict=True)
+    )
+    assert text == random_text(format, rng=np.random.default_rng(seed), exclude="IOQ")
+
+
+@pytest.mark.parametrize(
+    ("format", "exclude", "message"),
+    [("", "", "empty"), ("A\n", "", "printed"), ("A9", string.digits, "position 2"), ("A\\", "", "follows")],
+)
+def test_masks_refused(format, exclude, message):
+    with pytest.raises(FormatError, match=message):
+        allowed_characters(format, exclude=exclude)

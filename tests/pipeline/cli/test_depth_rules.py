@@ -10,7 +10,7 @@ from glyphs import stamp
 from glyphs.stamping.variation import StampingVariation
 from pipeline.cli.main import main
 from pipeline.formats.npz import write_npz
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 pytestmark = pytest.mark.usefixtures("inline")
 KNOWN = ("--font", "gothic", "--height-mm", "5", "--format", "A9A9", "--experts", "network")

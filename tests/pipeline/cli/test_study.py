@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.cli.main import main
 from tests.pipeline.benchmark.report.test_report import Page
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 pytestmark = pytest.mark.usefixtures("inline")
 

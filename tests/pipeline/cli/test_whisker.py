@@ -14,7 +14,7 @@ from pipeline.cli.main import main
 from pipeline.cli.whisker import linear_beam_warning
 from pipeline.formats.npz import write_npz
 from tests.support.benches import recorded
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.fit import identify
 from whisker_array.scan.recording import save_scan

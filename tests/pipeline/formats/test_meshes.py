@@ -24,7 +24,7 @@ from pipeline.formats.raw_map import RawMap
 from pipeline.formats.touch_file import read_height_map
 from recognition.see.levelling import square_to_plate
 from tests.support.bad_files import PCD_HEAD
-from tests.support.tilted import tilted
+from tests.support.felt import tilted
 
 trimesh = lazy_loader.load("trimesh")
 PART = stamp("K7", fonts="gothic", height_mm=5, seed=1).height_map

@@ -22,7 +22,7 @@ from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_parts
 from pipeline.formats.touch_file import read_height_map
 from pipeline.formats.truth import load_truth
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 
 def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:

@@ -29,8 +29,7 @@ from pipeline.common.texts import csv_line, unescape_formula
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.outputs import RunJournal, export
 from pipeline.runs.tables import MOST_TEXT
-from tests.support.csv_table import csv_rows
-from tests.support.run_tables import TableRow, read_rows, record_of, record_of_json, write_records
+from tests.support.run_tables import TableRow, csv_rows, read_rows, record_of, record_of_json, write_records
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
 RUN = {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3}

@@ -19,7 +19,7 @@ from pipeline.runs.lot import (
 )
 from recognition.enrol.exemplars import ExemplarError
 from recognition.enrol.learned_font import Learned, agreement, learn_font
-from tests.recognition.enrol.blows import blow
+from tests.support.felt import blow
 
 GOTHIC, TIMES = load_font("gothic"), load_font("timesr")
 

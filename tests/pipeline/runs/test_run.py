@@ -34,9 +34,7 @@ from pipeline.runs.run import Run, open_run
 from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
 from tests.support.certificates import a_certificate, measured
-from tests.support.csv_table import csv_rows
-from tests.support.fake_executor import FakeExecutor
-from tests.support.run_tables import read_rows
+from tests.support.run_tables import FakeExecutor, csv_rows, read_rows
 
 JOB = PartJob(settings=ReadSettings(font=("gothic",), height_mm=3.0, experts=("network",)))
 PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]

@@ -20,8 +20,7 @@ from pipeline.runs.outputs import RunJournal
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.second_pass import SecondPass, runs_second_pass
 from recognition.enrol.exemplars import ExemplarError
-from tests.support.fake_executor import FakeExecutor
-from tests.support.run_tables import read_rows
+from tests.support.run_tables import FakeExecutor, read_rows
 
 JOB = PartJob(settings=ReadSettings(format=("A9",)))
 PARTS = [PartFiles(f"p{k:02d}", height_map=f"/lot/p{k:02d}.npz") for k in range(14)]

@@ -28,7 +28,7 @@ from pipeline.service.web.access import COOKIE, is_in, is_own_user, user_of
 from pipeline.service.web.door import SMALL_BODY
 from pipeline.service.web.web_server import Room, patient_protocol
 from pipeline.store.store import Store
-from tests.support.self_signed import certificates
+from tests.support.line_broker import certificates
 from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import received
 

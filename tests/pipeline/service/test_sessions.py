@@ -19,7 +19,7 @@ from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.driver import DriverThread, StageLink
-from tests.support.jamming import Jamming
+from tests.support.scans import Jamming
 from tests.support.service_fixtures import FORMAT, Served, inline_service
 from tests.support.store_samples import STAGE_PLAN
 from whisker_array.scan.recording import load_scan

@@ -15,7 +15,7 @@ from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError, WorkPool
-from tests.support import pool_calls as calls
+from tests.support import executor_calls as calls
 from tests.support.waiting import PATIENCE_S, is_alive, wait_until
 
 

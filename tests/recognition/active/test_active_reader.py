@@ -19,7 +19,7 @@ from recognition.reader import Reader
 from recognition.see.levelling import level
 from recognition.see.text_line import TextLine
 from recognition.touch import TactileReader
-from tests.support.jamming import Jamming
+from tests.support.scans import Jamming
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray, default_plan

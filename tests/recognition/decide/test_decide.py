@@ -11,19 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recognition.decide.decide import decide
-from recognition.decide.decision import Decision, Finding, ReadingFlag
+from recognition.decide.decision import BROKEN, EXPLANATIONS, Decision, Finding, ReadingFlag, decision_of
 from recognition.decide.evidence import Evidence, Log, SenseEvidence, Source
 from recognition.decide.judges.format import IN_FORMAT, small_letters
 from recognition.decide.reading import Reading
 from recognition.find.part_lines import PartLines
 from recognition.find.request import LineFormat
 from recognition.language.box import Box, hull
+from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.recogniser.read_line import ReadLine, combine_looks, word_gaps
 from recognition.recogniser.steps import Steps
 from recognition.see.text_line import HEIGHT_ROWS, TextLine
 from recognition.settings import ReaderSettings
+
+# ------------------------------------------------------------------------------------------------------------ decide
 
 THRESHOLD = 0.9
 CHARS = "AB812"
@@ -242,3 +245,44 @@ def test_small_letters_that_nobody_asked_for_go_to_a_person() -> None:
     assert finding.flag is ReadingFlag.CASE_UNKNOWN
     assert "B at place 2" in finding.text
     assert small_letters([_steps(where)], columns, "ABC") == ()
+
+
+# ---------------------------------------------------------------------------------------------------------- decision
+
+READ = PlaceState(CharacterState.READ, "A", 0.99)
+UNREAD = PlaceState(CharacterState.NOT_READ, "A", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("places", "score", "threshold", "flags", "wanted"),
+    [
+        ([READ], 0.99, 0.98, ReadingFlag.NONE, Decision.ACCEPT),
+        ([READ], 0.98, 0.98, ReadingFlag.NONE, Decision.ACCEPT),
+        ([READ], 0.97999, 0.98, ReadingFlag.NONE, Decision.REVIEW),
+        ([READ], 0.1, None, ReadingFlag.NONE, Decision.ACCEPT),
+        ([None], 0.99, 0.98, ReadingFlag.NONE, Decision.ACCEPT),
+        ([READ, READ, UNREAD], 0.99, 0.98, ReadingFlag.NONE, Decision.ACCEPT),
+        ([READ, UNREAD], 0.99, 0.98, ReadingFlag.NONE, Decision.REJECT),
+        ([], 0.99, 0.98, ReadingFlag.NONE, Decision.REJECT),
+        ([READ], 0.99, 0.98, ReadingFlag.JAMMED, Decision.ACCEPT),
+        ([READ], 0.99, 0.98, EXPLANATIONS, Decision.ACCEPT),
+    ],
+)
+def test_contracts_score_and_threshold_decide(
+    places: list[PlaceState | None],
+    score: float,
+    threshold: float | None,
+    flags: ReadingFlag,
+    wanted: Decision,
+) -> None:
+    assert decision_of(places, score=score, threshold=threshold, flags=flags) is wanted
+
+
+@pytest.mark.parametrize("flag", [flag for flag in ReadingFlag if flag & BROKEN])
+def test_every_broken_contract_sends_a_sure_reading_to_a_person(flag: ReadingFlag) -> None:
+    assert decision_of([READ], score=1.0, threshold=0.98, flags=flag) is Decision.REVIEW
+    assert decision_of([UNREAD], score=1.0, threshold=0.98, flags=flag) is Decision.REJECT
+
+
+def test_what_explains_a_low_score_breaks_no_contract() -> None:
+    assert not BROKEN & EXPLANATIONS

@@ -1,9 +1,10 @@
-"""The score: one probability of many quantities, in one direction each."""
+"""The score, one probability of many quantities, and the risk that is accepted with it."""
 
 from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,9 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from glyphs.camera.photo import Photo
-from recognition.decide import choice, measures, other_lines
-from recognition.decide import score as room
+from glyphs.errors import MarksError
+from recognition.decide import choice
+from recognition.decide import risk as room
 from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence
@@ -27,6 +29,13 @@ from recognition.decide.measures import (
     unsettled_twins,
 )
 from recognition.decide.reading import Reading
+from recognition.decide.risk import (
+    least_score,
+    require_kept,
+    risk_findings,
+    threshold_of,
+)
+from recognition.decide.risk_text import parse_risk, risk_in_words
 from recognition.decide.score import (
     SOURCES,
     Measure,
@@ -43,12 +52,11 @@ from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation
 from recognition.marks.strokes import PlaceStrokes, RivalStrokes
 from recognition.settings import ReaderSettings
-from tests.support.evidence import sense_of
-from tests.support.readings import reading_of
+from tests.support.evidence import reading_of, sense_of
+
+# ------------------------------------------------------------------------------------------------------------- score
 
 ODDS = Term(((-12.0, -12.0), (12.0, 12.0)))
-PLAIN = Score("vision", 0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(((0.01, 0.0), (0.21, -20.0)))})
-THRESHOLD = 0.98
 SETTINGS = ReaderSettings(orientation=Orientation.UPRIGHT)
 
 
@@ -65,12 +73,6 @@ def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
     return decide(Evidence.of(sense), SETTINGS)
 
 
-@pytest.fixture(autouse=True)
-def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (room, choice, measures, other_lines):
-        monkeypatch.setattr(module, "score_of", lambda source: PLAIN)
-
-
 @pytest.mark.parametrize("odds", [math.inf, -math.inf])
 def test_certainty_is_no_missing_value(odds: float) -> None:
     probability = share(odds)
@@ -83,13 +85,6 @@ def test_log_odds_and_shares_undo_each_other() -> None:
     for belief in (1e-6, 0.3, 0.5, 0.999):
         assert share(log_odds(belief)) == pytest.approx(belief)
     assert (log_odds(1.0), log_odds(0.0), share(-math.inf)) == (math.inf, -math.inf, 0.0)
-
-
-def test_a_measure_lowers_the_score() -> None:
-    noisy = of_photo(noise=10.0)
-    grain = noisy.measures[Measure.GRAIN]
-    assert noisy.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)), abs=1e-4)
-    assert (noisy.decision, noisy.flags) == (Decision.REVIEW, ReadingFlag.LOW_CONFIDENCE)
 
 
 @given(st.lists(st.floats(0.01, 0.999), min_size=1, max_size=9), st.floats(0.5, 1.0), st.floats(-5.0, 20.0))
@@ -232,3 +227,88 @@ def test_the_shipped_thresholds_keep_their_risks(source: str) -> None:
     assert [threshold.threshold for threshold in tested] == sorted(
         threshold.threshold for threshold in tested
     )
+
+
+# -------------------------------------------------------------------------------------------------------------- risk
+
+THRESHOLD = None
+"""The thresholds of the fit."""
+
+
+@pytest.mark.parametrize(
+    ("text", "risk"),
+    [
+        ("0.001", 0.001),
+        ("1e-3", 0.001),
+        ("1/1000", 0.001),
+        (" 1 in 1000 ", 0.001),
+        ("1 in 1,000", 0.001),
+        ("1 IN 500", 0.002),
+        ("3/1000", 0.003),
+    ],
+)
+def test_a_risk_is_a_number_or_a_share_in_words(text: str, risk: float) -> None:
+    assert parse_risk(text) == pytest.approx(risk)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "often", "0", "1", "1 in 1", "1 in 0", "2/1", "-0.1", "nan", "1 in", "9" * 5000]
+)
+def test_what_is_no_risk_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"between 0 and 1, such as 0\.001, 1/1000 or 1 in 1000"):
+        parse_risk(text)
+
+
+@pytest.mark.parametrize(
+    ("risk", "words"),
+    [(0.001, "1 in 1,000"), (0.005, "1 in 200"), (1 / 3000, "1 in 3,000"), (0.3, "0.3"), (0.999, "0.999")],
+)
+def test_a_risk_is_shown_as_one_in_so_many(risk: float, words: str) -> None:
+    assert risk_in_words(risk) == words
+
+
+@given(st.integers(2, 10_000_000))
+def test_words_are_understood_again(parts: int) -> None:
+    assert parse_risk(risk_in_words(1.0 / parts)) == pytest.approx(1.0 / parts, rel=1e-9)
+
+
+@pytest.fixture
+def camera_without_small_risks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The camera keeps 1 in 500, the other senses 1 in 2,000."""
+    senses = {
+        source: Score(source, 0.0, {}, (RiskThreshold(risk, 0.99, 4000, 0, 0.5 * risk),))
+        for source, risk in (("tactile", 0.0005), ("vision", 0.002), ("fused", 0.0005))
+    }
+    monkeypatch.setattr(room, "score_of", senses.__getitem__)
+    threshold_of.cache_clear()
+    yield
+    threshold_of.cache_clear()
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_each_sense_has_its_own_threshold(source: str) -> None:
+    for tested in score_of(source).thresholds:
+        assert least_score(source, tested.risk) == tested.threshold
+        assert risk_findings(source, tested.risk) == ()
+
+
+@pytest.mark.usefixtures("camera_without_small_risks")
+def test_a_sense_that_keeps_no_such_risk_says_what_to_do() -> None:
+    assert threshold_of("vision", 0.001) is None
+    (finding,) = risk_findings("vision", 0.001)
+    assert finding.flag is ReadingFlag.RISK_NOT_KEPT
+    assert finding.text == (
+        "the camera cannot promise 1 in 1,000 (touch the part, or allow 1 in 500 with accept_risk)"
+    )
+    assert least_score("vision", 0.001) == 0.999
+    assert not risk_findings("vision", 0.002)
+    require_kept(0.001)  # touch keeps it
+    with pytest.raises(
+        MarksError, match=r"the camera cannot promise 1 in 1,000; allow 1 in 500 with accept_risk"
+    ):
+        require_kept(0.001, ("vision",))
+
+
+def test_a_risk_that_no_sense_keeps_is_refused_at_once() -> None:
+    with pytest.raises(MarksError, match="no sense can promise 1 in 10,000,000"):
+        ReaderSettings(accept_risk=1e-7)

@@ -5,7 +5,7 @@ from glyphs.fonts.outlines import load_font
 from recognition.enrol.exemplars import ExemplarError
 from recognition.enrol.learned_font import learn_font, likeness
 from recognition.glyph_match.predicted import predict_templates, template_key
-from tests.recognition.enrol.blows import blow, drawn
+from tests.support.felt import blow, drawn
 
 GOTHIC = load_font("gothic")
 

@@ -1,4 +1,4 @@
-"""Lines of whole views: the format picks the one that is meant, and what lies upside down is read."""
+"""Lines of whole views: the format picks the one that is meant; they are laid on their ink, bent and sized."""
 
 from __future__ import annotations
 
@@ -8,15 +8,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from glyphs import stamp
 from glyphs.fonts.glyph import transform_glyph
 from glyphs.fonts.outlines import load_font
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.layouts import Layout
+from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
 from recognition.find.deadline import Deadline
 from recognition.find.find import apart, find, search_of
-from recognition.find.line_variants import move_line
+from recognition.find.ink import on_ink
+from recognition.find.line_variants import bend, move_line
 from recognition.find.part_lines import PartLines
 from recognition.find.promise import promise_of
 from recognition.find.region import stands_in
@@ -26,8 +33,10 @@ from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.recogniser.recogniser import WIDER, wider_for, wider_of
 from recognition.see.levelling import level
-from recognition.see.text_line import TextLine
+from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.see.view import View, ViewKind, heights_view
+
+# -------------------------------------------------------------------------------------------------------------- find
 
 PART = stamp(
     "KXB4071", fonts="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
@@ -207,3 +216,105 @@ def test_a_look_at_the_same_place_is_taken_once() -> None:
     looks = search.looks.count
     assert [read.lattice.text for read in search.lines()] == [read.lattice.text for read in first]
     assert search.looks.count == looks > 0
+
+
+# --------------------------------------------------------------------------------------------------------------- ink
+
+INK_MM = 5.0
+
+
+def stamped(radius_mm: float | None = None) -> StampedPart:
+    font = load_font("gothic")
+    return stamp_line(
+        "KB407251",
+        font,
+        default_die(INK_MM, font=font),
+        height_mm=INK_MM,
+        pitch_mm=INK_MM / 30,
+        layout=None if radius_mm is None else Layout(radius_mm=radius_mm),
+        variation=StampingVariation.none(),
+        rng=np.random.default_rng(0),
+    )
+
+
+def middles_of(part: StampedPart) -> NDArray[np.float64]:
+    return np.array([((x0 + x1) / 2, (y0 + y1) / 2) for x0, y0, x1, y1 in part.boxes_mm])
+
+
+def columns_of(line: TextLine, middles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of middles, on a level line's strip."""
+    along = (middles[:, 0] - line.centre_mm[0, 0]) / line.height_mm
+    return np.asarray((along + MARGIN) * HEIGHT_ROWS - 0.5)
+
+
+def level_line(middles: NDArray[np.float64], y_mm: float, height_mm: float = INK_MM) -> TextLine:
+    x0, x1 = middles[0, 0] - 0.4 * INK_MM, middles[-1, 0] + 0.4 * INK_MM
+    return TextLine(np.array([(x0, y_mm), (x1, y_mm)]), height_mm)
+
+
+def farthest_heights(line: TextLine, middles: NDArray[np.float64]) -> float:
+    """From a line to the middles of characters, at most."""
+    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line.centre_mm, axis=0), axis=1))]
+    at = np.linspace(0.0, lengths[-1], 400)
+    curve = np.stack([np.interp(at, lengths, line.centre_mm[:, k]) for k in (0, 1)], axis=1)
+    return float(np.linalg.norm(middles[:, None] - curve, axis=2).min(axis=1).max()) / INK_MM
+
+
+@pytest.mark.parametrize("radius_mm", [30.0, -40.0])
+def test_a_straight_line_across_an_arc_is_bent_onto_it(radius_mm: float) -> None:
+    part = stamped(radius_mm)
+    view, middles = heights_view(part.height_map), middles_of(part)
+    line = level_line(middles, float(middles[:, 1].mean()))
+    assert farthest_heights(line, middles) > 0.3
+    laid, *_ = on_ink(view, line, columns_of(line, middles))
+    assert farthest_heights(laid, middles) < 0.2
+
+
+def test_a_line_beside_its_characters_is_moved_onto_them_and_stays_straight() -> None:
+    part = stamped()
+    view, middles = heights_view(part.height_map), middles_of(part)
+    line = level_line(middles, float(np.median(middles[:, 1])) + 0.3 * INK_MM)
+    laid, *_ = on_ink(view, line, columns_of(line, middles), height_known=True)
+    assert len(laid.centre_mm) == 2
+    assert farthest_heights(laid, middles) < 0.12
+
+
+def test_a_line_that_was_found_too_high_is_offered_at_the_height_of_its_ink() -> None:
+    part = stamped()
+    view, middles = heights_view(part.height_map), middles_of(part)
+    line = level_line(middles, float(np.median(middles[:, 1])), 1.3 * INK_MM)
+    as_high, lower = on_ink(view, line, columns_of(line, middles))
+    assert as_high.height_mm == line.height_mm
+    assert lower.height_mm == pytest.approx(INK_MM, rel=0.12)
+    assert on_ink(view, line, columns_of(line, middles), height_known=True) == ()
+
+
+def test_a_line_that_lies_on_its_ink_is_left_alone() -> None:
+    part = stamped()
+    view, middles = heights_view(part.height_map), middles_of(part)
+    line = level_line(middles, float(np.median(middles[:, 1])))
+    assert on_ink(view, line, columns_of(line, middles), height_known=True) == ()
+
+
+def test_land_has_no_ink() -> None:
+    bare = HeightMap(np.zeros((80, 400)), pitch_mm=0.1)
+    line = TextLine(np.array([(2.0, 4.0), (38.0, 4.0)]), INK_MM)
+    assert on_ink(heights_view(bare), line, np.array([30.0, 60.0, 90.0])) == ()
+
+
+# ----------------------------------------------------------------------------------------------------- line variants
+
+
+@given(turn_deg=st.floats(-180.0, 180.0), sag=st.floats(-1.0, 1.0), height_mm=st.floats(1.0, 12.0))
+def test_the_ends_of_a_bent_line_lie_lower_than_its_middle_by_the_sag(
+    turn_deg: float, sag: float, height_mm: float
+) -> None:
+    line = TextLine.straight(3.0, -2.0, length_mm=8.0 * height_mm, height_mm=height_mm, turned_deg=turn_deg)
+    bent = bend(line, sag)
+    turn = math.radians(turn_deg)
+    down = bent.centre_mm @ (-math.sin(turn), math.cos(turn))
+    middle = down[len(down) // 2]
+    assert (down[[0, -1]] - middle) / height_mm == pytest.approx([sag, sag], abs=1e-9)
+    assert bent.centre_mm.mean(axis=0) == pytest.approx(line.centre_mm.mean(axis=0), abs=0.05 * height_mm)
+    assert np.ptp(bent.centre_mm @ (math.cos(turn), math.sin(turn))) == pytest.approx(line.length_mm)
+    assert bent.height_mm == height_mm

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,16 +37,13 @@ def part() -> Part:
     return stamp(TEXT, seed=4)
 
 
+@cache
 def column() -> HeightMap:
     """Characters upright below each other, as on the flank of a narrow part."""
     each = [stamp(char, seed=k + 9).height_map for k, char in enumerate(TEXT)]
     columns = min(one.shape[1] for one in each)
     z_mm = np.concatenate([one.z_mm[::2, :columns:2] for one in each])
     return HeightMap(np.ascontiguousarray(z_mm), 2.0 * each[0].pitch_mm)
-
-
-def mirrored(photo: Photo, axis: int) -> Photo:
-    return replace(photo, pixels=np.ascontiguousarray(np.flip(photo.pixels, axis)))
 
 
 def says(reading: Reading, text: str) -> None:
@@ -73,9 +71,9 @@ def test_a_column_in_a_photograph(reader: Reader) -> None:
     says(reader.read(Photo(np.where(z_mm < -0.1, 60, 200).astype(np.uint8))), STACKED)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_a_mirrored_photograph(reader: Reader, part: Part, axis: int) -> None:
-    says(reader.read(mirrored(part.photograph(), axis)), MIRRORED)
+def test_a_mirrored_photograph(reader: Reader, part: Part) -> None:
+    photo = part.photograph()
+    says(reader.read(replace(photo, pixels=np.ascontiguousarray(photo.pixels[::-1]))), MIRRORED)
 
 
 def test_a_mirrored_map(reader: Reader, part: Part) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
 from recognition.see.levelling import fill_gaps, level, square_to_plate
-from tests.support.tilted import tilted
+from tests.support.felt import tilted
 
 Make = Callable[..., StampedPart]
 

@@ -1,4 +1,4 @@
-"""Where a line of text stands: straight, turned, bent, upside down."""
+"""Where a line of text stands: straight, bent, upside down, along middles of characters, and its boxes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from recognition.see.curves import arc_through, straight_through
+from recognition.see.places import boxes_of
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+
+# --------------------------------------------------------------------------------------------------------- text line
 
 EXACT = 1e-9
 MIDDLE = (ROWS - 1) / 2
@@ -126,3 +130,93 @@ def test_a_grid_is_its_places() -> None:
     grid = line.places_mm(columns, rows[:, None])
     assert grid.shape == (rows.size, columns.size, 2)
     np.testing.assert_allclose(grid, line.places_mm(u.ravel(), v.ravel()).reshape(*u.shape, 2), atol=EXACT)
+
+
+# ------------------------------------------------------------------------------------------------------------ curves
+
+BEFORE, AFTER = 1.0, 2.0
+
+
+@given(st.floats(-180.0, 180.0), st.integers(2, 12))
+def test_points_in_a_row_give_the_line_through_them(turned: float, count: int) -> None:
+    along = np.array([np.cos(np.radians(turned)), np.sin(np.radians(turned))])
+    points = np.array([3.0, -2.0]) + np.arange(count)[:, None] * 1.5 * along
+    curve = straight_through(points, before=BEFORE, after=AFTER)
+    expected = [points[0] - BEFORE * along, points[-1] + AFTER * along]
+    np.testing.assert_allclose(curve, expected, atol=1e-6)
+
+
+def test_one_point_gives_a_level_line() -> None:
+    curve = straight_through(np.array([(3.0, 4.0)]), before=BEFORE, after=AFTER)
+    np.testing.assert_allclose(curve, [(2.0, 4.0), (5.0, 4.0)])
+
+
+@pytest.mark.parametrize("upper", [True, False])
+@pytest.mark.parametrize("radius", [6.0, 15.0])
+def test_points_on_a_circle_give_an_arc_of_it(radius: float, upper: bool) -> None:
+    t = np.radians(np.linspace(-50.0, 50.0, 9))
+    side = -1.0 if upper else 1.0
+    points = np.array([1.0, 2.0]) + radius * np.stack([np.sin(t), side * np.cos(t)], axis=1)
+    curve = arc_through(points, height=2.0, before=BEFORE, after=AFTER)
+    assert curve is not None
+    np.testing.assert_allclose(np.linalg.norm(curve - (1.0, 2.0), axis=1), radius, rtol=1e-9)
+    # from left to right, beyond the points by what was asked for along the arc
+    assert np.all(np.diff(curve[:, 0]) > 0.0) or radius < 10.0
+    ends = [np.arctan2(x - 1.0, side * (y - 2.0)) for x, y in curve[[0, -1]]]
+    assert ends == pytest.approx([t[0] - BEFORE / radius, t[-1] + AFTER / radius])
+    # the other way round it is read the other way round
+    back = arc_through(points[::-1], height=2.0, before=AFTER, after=BEFORE)
+    assert back is not None
+    np.testing.assert_allclose(back[::-1], curve, atol=1e-9)
+
+
+def test_what_hardly_bends_is_no_arc() -> None:
+    t = np.linspace(-0.05, 0.05, 9)
+    slight = 100.0 * np.stack([np.sin(t), 1.0 - np.cos(t)], axis=1)  # sags by 0.125
+    assert arc_through(slight, height=5.0, before=0.0, after=0.0) is None
+    assert arc_through(slight, height=1.0, before=0.0, after=0.0) is not None
+    # three points lie on a circle whatever they are
+    assert arc_through(slight[::4], height=1.0, before=0.0, after=0.0) is None
+
+
+# ------------------------------------------------------------------------------------------------------------ places
+
+FIRST = MARGIN * HEIGHT_ROWS - 0.5
+"""The column at which a line begins."""
+
+
+def columns(*heights: float) -> np.ndarray:
+    return FIRST + np.array(heights) * HEIGHT_ROWS
+
+
+def test_boxes_reach_half_way_to_their_neighbours() -> None:
+    line = TextLine.straight(2.0, 10.0, length_mm=20.0, height_mm=5.0)
+    boxes = boxes_of(line, columns(0.5, 1.1, 3.0))
+    # a line of 5 mm from 2 mm on: middles at 4.5, 7.5 and 17 mm; no box is wider than 0.42 heights to a side
+    edges = [(b.x0_mm, b.x1_mm) for b in boxes]
+    np.testing.assert_allclose(edges, [(2.4, 6.0), (6.0, 9.6), (14.9, 19.1)], atol=1e-6)
+    for box in boxes:
+        assert (box.y0_mm, box.y1_mm) == pytest.approx((7.5, 12.5))
+
+
+@pytest.mark.parametrize("turned_deg", [90.0, 180.0, -90.0, 30.0])
+def test_boxes_of_a_turned_line_hold_its_characters(turned_deg: float) -> None:
+    line = TextLine.straight(50.0, 50.0, length_mm=20.0, height_mm=5.0, turned_deg=turned_deg)
+    at = columns(0.5, 1.3, 2.1)
+    for box, (x, y) in zip(boxes_of(line, at), line.places_mm(at, np.array(MIDDLE)), strict=True):
+        assert box.x0_mm < x < box.x1_mm
+        assert box.y0_mm < y < box.y1_mm
+        assert (box.x0_mm + box.x1_mm) / 2 == pytest.approx(x, abs=0.3)
+
+
+def test_one_character_and_none() -> None:
+    line = TextLine.straight(0.0, 10.0, length_mm=5.0, height_mm=5.0)
+    (box,) = boxes_of(line, columns(0.5))
+    assert (box.x0_mm, box.x1_mm) == pytest.approx((2.5 - 2.1, 2.5 + 2.1))
+    assert boxes_of(line, np.zeros(0)) == ()
+
+
+def test_columns_that_run_back_make_no_box_that_does() -> None:
+    line = TextLine.straight(0.0, 10.0, length_mm=20.0, height_mm=5.0)
+    boxes = boxes_of(line, columns(0.5, 0.45, 1.3))
+    assert all(b.x0_mm <= b.x1_mm for b in boxes)

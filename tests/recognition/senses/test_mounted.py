@@ -1,4 +1,4 @@
-"""Parts that were measured askew, with gaps, or with a signal that is clipped."""
+"""Parts that were measured askew, with gaps, or by a bench with a fault."""
 
 from __future__ import annotations
 
@@ -10,24 +10,32 @@ import pytest
 
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
-from recognition.decide.decision import Decision, ReadingFlag
+from recognition.decide.decision import BROKEN, Decision, ReadingFlag, bench_faults
 from recognition.decide.depth_rules import least_depth
 from recognition.decide.reading import Reading
 from recognition.marks.no_depth import NoDepth
 from recognition.reader import Reader
+from recognition.touch import bench_findings
 from tests.support.bench_faults import recorded
-from tests.support.felt import felt
-from tests.support.tilted import tilted
+from tests.support.felt import felt, tilted
+from whisker_array.estimation.faults import Fault, FaultKind
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import Fidelity
 
+# ----------------------------------------------------------------------------------------------------------- mounted
+
 Make = Callable[..., StampedPart]
-READER = Reader(fonts=["gothic"], format="A9A99", depth_rules=(least_depth(0.1),))
+READER = Reader(fonts=["gothic"], format="A9A99", height_mm=5.0, depth_rules=(least_depth(0.1),))
 
 
 @pytest.fixture(scope="module")
 def part(make_part: Make) -> StampedPart:
     return make_part("K7B29", calm=True, pitch_mm=0.1)
+
+
+@pytest.fixture(scope="module")
+def level(part: StampedPart) -> Reading:
+    return READER.read(part.height_map)
 
 
 def depths(reading: Reading) -> list[float]:
@@ -36,9 +44,8 @@ def depths(reading: Reading) -> list[float]:
 
 @pytest.mark.parametrize(("deg", "azimuth_deg"), [(30.0, 0.0), (45.0, 60.0)])
 def test_depths_of_a_tilted_part_are_those_of_a_level_one(
-    part: StampedPart, deg: float, azimuth_deg: float
+    part: StampedPart, level: Reading, deg: float, azimuth_deg: float
 ) -> None:
-    level = READER.read(part.height_map)
     seen, _ = tilted(part.height_map, deg, azimuth_deg)
     reading = READER.read(seen)
     assert (reading.text, reading.decision) == ("K7B29", Decision.ACCEPT)
@@ -46,18 +53,16 @@ def test_depths_of_a_tilted_part_are_those_of_a_level_one(
     assert depths(reading) == pytest.approx(depths(level), abs=0.006)
 
 
-@pytest.mark.parametrize("pitch_mm", [0.05, 0.125])
-def test_a_part_with_single_samples_missing_is_read(make_part: Make, pitch_mm: float) -> None:
-    whole = make_part("K7B29", calm=True, pitch_mm=pitch_mm).height_map
-    gone = np.random.default_rng(0).random(whole.shape) < 0.25
-    reading = READER.read(HeightMap(np.where(gone, np.nan, whole.z_mm), pitch_mm))
+def test_a_part_with_single_samples_missing_is_read(part: StampedPart, level: Reading) -> None:
+    gone = np.random.default_rng(0).random(part.height_map.shape) < 0.25
+    reading = READER.read(HeightMap(np.where(gone, np.nan, part.height_map.z_mm), part.height_map.pitch_mm))
     assert (reading.text, reading.decision) == ("K7B29", Decision.ACCEPT)
     assert not reading.flags & ReadingFlag.DROPOUTS
     (note,) = reading.notes
     assert note.startswith(("24.", "25."))
     assert "filled from their neighbours" in note
-    assert depths(reading) == pytest.approx(depths(READER.read(whole)), abs=0.01)
-    assert READER.read(whole).notes == ()
+    assert depths(reading) == pytest.approx(depths(level), abs=0.01)
+    assert level.notes == ()
 
 
 def clipped(scan: Scan, most: float) -> Scan:
@@ -85,3 +90,14 @@ def test_a_clipped_recording_is_named_and_has_no_depth(part: StampedPart, noisy:
     assert any(text.startswith("saturated signal: ") for text in reading.messages())
     assert any("(lower the gain, scan it again)" in text for text in reading.messages())
     assert not reading.flags & ReadingFlag.TOO_SHALLOW
+
+
+# ---------------------------------------------------------------------------------------------------- touch findings
+
+
+@pytest.mark.parametrize("kind", FaultKind)
+@pytest.mark.parametrize("whisker", [None, 1])
+def test_only_channels_at_wrong_places_send_a_part_to_review(kind: FaultKind, whisker: int | None) -> None:
+    findings = bench_findings([Fault(kind, "what and where", whisker)])
+    assert bench_faults(findings) == ("what and where",)
+    assert bool(findings[0].flag & BROKEN) == (kind in (FaultKind.EXCHANGED, FaultKind.DOUBLED))

@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.design_report import BOUND_WORDS, explain_failure
-from tests.support.stress import preload_stress_mpa
+from tests.support.benches import preload_stress_mpa
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     check,

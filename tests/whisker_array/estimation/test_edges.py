@@ -7,20 +7,32 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from glyphs import stamp
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from tests.factories import extruded
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments, edge_map
+from whisker_array.estimation.gridding import average_onto, averaging_weights
+from whisker_array.estimation.registration import (
+    _offset_pixels,
+    _shift_rows,
+    play_pixels,
+)
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, default_plan
 from whisker_array.whisker.enhancement import moment_ratio
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import default_touch
+
+# ------------------------------------------------------------------------------------------------------------- edges
 
 TOUCH = default_touch(5.0)
 D0 = TOUCH.preload_mm
@@ -233,9 +245,6 @@ def test_a_region_without_samples_is_not_valid(scan: Scan) -> None:
     assert (felt.enhancement[:, ~felt.valid] == 0.0).all()
 
 
-# --- averaging
-
-
 # --- refusals
 
 
@@ -251,3 +260,120 @@ def test_refusals_say_what_is_wrong(scan: Scan) -> None:
     with pytest.raises(MapError, match="do not overlap"):
         edge_map(replace(scan, sweeps=(away, *rest)))
     assert math.isclose(edge_map(replace(scan, sweeps=rest)).pitch_mm, scan.line_pitch_mm)
+
+
+# ---------------------------------------------------------------------------------------------------------- gridding
+
+Lines = NDArray[np.float64]
+
+
+def full(position: Lines, pixel: Lines, pitch: float) -> Lines:
+    """(pixels, samples) weights, sample by sample: a triangle to the neighbours, one pitch to each side at least."""
+    step = float(np.median(np.diff(np.sort(position))))
+    weights = np.zeros((pixel.size, position.size))
+    for i, x in enumerate(position):
+        below, above = position[position < x], position[position > x]
+        for j, p in enumerate(pixel):
+            beside = above if p > x else below
+            apart = abs(beside - x).min() if beside.size else step
+            reach = max(pitch, apart if apart <= 2.1 * step else step) * (1.0 + 1e-6)
+            weights[j, i] = max(0.0, 1.0 - abs(p - x) / reach)
+    return weights
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), holes=st.sampled_from([0.0, 0.2, 0.9]), step=st.floats(0.02, 0.4))
+def test_layers_are_those_of_full_matrices(seed: int, holes: float, step: float) -> None:
+    rng = np.random.default_rng(seed)
+    along, across = step * np.arange(60)[::-1], 0.1 * np.arange(17) + rng.uniform(0.0, 0.02, 17)
+    pixel_along, pixel_across = np.arange(-0.1, 2.5, 0.1), np.arange(0.0, 1.5, 0.1)
+    values = rng.normal(size=(17, 60))
+    values[rng.uniform(size=values.shape) < holes] = np.nan
+    a, c = full(along, pixel_along, 0.1), full(across, pixel_across, 0.1)
+    known = np.isfinite(values)
+    expected, weight = c.sum(axis=1)[:, None] * a.sum(axis=1), c @ known.astype(float) @ a.T
+    total = c @ np.where(known, values, 0.0) @ a.T
+    weights = [averaging_weights(a, p, 0.1) for a, p in ((along, pixel_along), (across, pixel_across))]
+    layer, valid = average_onto(values, *weights)
+    # half of the weight, give or take its rounding
+    clear = np.abs(weight - 0.5 * expected) > 1e-9 * (1.0 + expected)
+    np.testing.assert_array_equal(valid[clear], ((weight > 0.5 * expected) & (expected > 0.0))[clear])
+    mean = total / np.maximum(weight, 1e-12)
+    np.testing.assert_allclose(layer[valid], mean[valid], atol=1e-12)
+    assert (layer[~valid] == 0.0).all()
+
+
+def test_one_sample_alone_is_reached_within_a_pitch() -> None:
+    weights = averaging_weights(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
+    np.testing.assert_array_equal(np.diff(weights.indptr), [0, 1, 1, 0])
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), fine=st.booleans())
+def test_lines_of_uneven_distance_are_joined_by_straight_lines(seed: int, fine: bool) -> None:
+    rng = np.random.default_rng(seed)
+    # no gap is wider than twice another, as where passes were laid between passes
+    position = np.cumsum(rng.uniform(1.0, 2.0, 30))
+    pixel = np.linspace(position[0], position[-1], 301 if fine else 200)
+    weights = averaging_weights(position, pixel, 0.05)
+    slanted = (weights @ (3.0 * position - 1.0)) / weights.sum(axis=1)
+    # reaches are a millionth longer than the gaps, which run to 2
+    np.testing.assert_allclose(slanted, 3.0 * pixel - 1.0, atol=3e-5)
+
+
+def test_a_gap_of_many_steps_stays_open() -> None:
+    position = np.array([0.0, 1.0, 2.0, 3.0, 7.0, 8.0, 9.0])
+    weights = averaging_weights(position, np.array([1.5, 5.0 + 0.2, 7.5]), 0.1).sum(axis=1)
+    assert (weights > 0.0).tolist() == [True, False, True]
+
+
+# ------------------------------------------------------------------------------------------------------ registration
+
+Layer = NDArray[np.float64]
+PIXEL_MM = 0.125
+
+
+def maps(cols: int) -> tuple[Layer, Layer]:
+    """Bumps felt forwards and backwards, a little noise on both."""
+    rng = np.random.default_rng(1)
+    x = np.arange(cols)
+    height = np.array([-0.2 * np.exp(-(((x - c) / 3.0) ** 2)) for c in rng.uniform(0.0, cols, 5)])
+    slope = np.gradient(height, axis=1) * TOUCH.preload_mm / PIXEL_MM
+    ahead, back = ((1.0 + height) * moment_ratio(s * slope, TOUCH.friction, TOUCH.tip) - 1.0 for s in (1, -1))
+    return ahead + rng.normal(0.0, 0.005, ahead.shape), back + rng.normal(0.0, 0.005, back.shape)
+
+
+def test_maps_apart_by_play_are_laid_together() -> None:
+    ahead, behind = maps(120)
+    shifted = play_pixels(_shift_rows(ahead, -1.5), _shift_rows(behind, 1.5), touch=TOUCH, pitch_mm=PIXEL_MM)
+    assert shifted == pytest.approx(3.0, abs=0.3)  # tenths of a pixel go to linear interpolation
+
+
+def test_a_whisker_that_jams_on_the_land_is_refused() -> None:
+    tip = replace(
+        TOUCH.tip, compliance_mm_per_n=np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    )
+    with pytest.raises(WhiskerError, match="jams"):
+        play_pixels(*maps(40), touch=replace(TOUCH, tip=tip, friction=1.2), pitch_mm=PIXEL_MM)
+
+
+@pytest.mark.parametrize(
+    ("moved", "found"),
+    [
+        ((0.0, 0.0), (0.0, 0.0)),
+        ((2.0, -3.0), (2.0, -3.0)),
+        ((-1.5, 0.5), (-1.5, 0.5)),
+        ((6.0, 6.0), (6.0, 6.0)),
+        ((12.0, 0.0), (0.0, 0.0)),  # beyond the reach: left where it is
+    ],
+)
+def test_a_map_is_laid_on_another_by_correlation(
+    moved: tuple[float, float], found: tuple[float, float]
+) -> None:
+    mark = np.zeros((70, 90))
+    mark[30:40, 30:60] = np.random.default_rng(5).normal(size=(10, 30))
+    mark = ndimage.gaussian_filter(mark, 2.0)
+    # between samples the parabola through the correlation's peak is out by up to an eighth
+    np.testing.assert_allclose(
+        _offset_pixels(mark, ndimage.shift(mark, np.negative(moved))), found, atol=0.125
+    )

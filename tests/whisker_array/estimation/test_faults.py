@@ -1,26 +1,35 @@
-"""Faults of whiskers and bench: each is named, sound recordings are left alone, lines left out are felt crosswise."""
+"""Faults of whiskers, bench and wiring: each is named, sound recordings are left alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from glyphs import stamp
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import stamp_line
-from glyphs.surface.maps import TraceDirection
+from glyphs.surface.maps import HeightMap, TraceDirection
 from tests.factories import extruded
 from tests.support.bench_faults import recorded, with_whisker_of, worn
 from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
-from whisker_array.scan.scan import Scan
+from whisker_array.estimation.faults import Fault, FaultKind, find_faults, find_signal_faults, flag_faults
+from whisker_array.estimation.signal_measures import flag_beyond_part
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import Fidelity, SampleFlag
+from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
 from whisker_array.whisker.touch import Touch, default_touch
+
+# ------------------------------------------------------------------------------------------------------------ faults
 
 TOUCH = default_touch(5.0)
 Found = Callable[[FaultKind], tuple[Scan, tuple[Fault, ...]]]
@@ -150,3 +159,174 @@ def test_few_directions_leave_lines_out_without_inventing_them(found: Found) -> 
     unknown = ~left.valid.any(axis=1)
     assert unknown.sum() * left.pitch_mm == pytest.approx(5.0, abs=0.5)  # the lines of one whisker
     assert (left.enhancement[:, unknown] == 0.0).all()
+
+
+# ----------------------------------------------------------------------------------------------------- signal faults
+
+SIGNALS = frozenset(
+    {
+        *(FaultKind.NO_SIGNAL, FaultKind.REVERSED, FaultKind.LIFTED, FaultKind.UNIT),
+        *(FaultKind.EXCHANGED, FaultKind.DOUBLED),
+    }
+)
+OF_THE_STAGE = frozenset({FaultKind.HEIGHT, FaultKind.TILTED, FaultKind.BOWED})
+ALONG_X = (TraceDirection.FORWARD_X, TraceDirection.BACK_X)
+# number of whiskers, severity of the dirt, directions, flags of tips beyond the part
+BENCHES = (
+    (8, 0.0, ALL_DIRECTIONS, True),
+    (8, 0.6, ALL_DIRECTIONS, False),
+    (4, 0.3, ALL_DIRECTIONS, False),
+    (3, 0.0, ALONG_X, True),
+    (3, 0.9, ALL_DIRECTIONS[:2], False),
+)
+
+
+@cache
+def sound(
+    n_whiskers: int, dirt: float, directions: tuple[TraceDirection, ...], flags: bool, rise_mm: float = 0.0
+) -> Scan:
+    """A recording with usual sensors of a part with six characters of 5 mm, on a plate that rises."""
+    part = stamp("AB4729", dirt=dirt, seed=n_whiskers)
+    surface = part.height_map
+    tilt = rise_mm * np.linspace(-0.5, 0.5, surface.z_mm.shape[1])
+    surface = HeightMap((surface.z_mm + tilt).astype(np.float32), surface.pitch_mm)
+    plan = default_plan(
+        (0.0, 0.0, *surface.size_mm), character_height_mm=5.0, directions=directions, n_whiskers=n_whiskers
+    )
+    touch = default_touch(5.0)
+    ideal = trace_scan(surface, touch=touch, plan=plan, soil=part.soil, fidelity=Fidelity.POINTWISE)
+    scan = recorded(ideal, rng=np.random.default_rng(n_whiskers))
+    return scan if flags else changed(scan, lambda s: replace(s, flags=np.zeros_like(s.flags)))
+
+
+def changed(scan: Scan, change: Callable[[Sweep], Sweep]) -> Scan:
+    return replace(scan, sweeps=tuple(change(s) for s in scan.sweeps))
+
+
+def scaled(scan: Scan, *factors: float) -> Scan:
+    """The channels by factors, the last one for all further channels."""
+    each = np.array([*factors, *[factors[-1]] * scan.n_whiskers][: scan.n_whiskers], dtype=np.float32)[
+        :, None
+    ]
+    return changed(scan, lambda s: replace(s, moment_n_mm=s.moment_n_mm * each, air_n_mm=s.air_n_mm * each))
+
+
+def wired(scan: Scan, *order: int) -> Scan:
+    """The channels in another order; the flags stay, as they are told from the plan."""
+    channels = [*order, *range(len(order), scan.n_whiskers)]
+    return changed(
+        scan, lambda s: replace(s, moment_n_mm=s.moment_n_mm[:, channels], air_n_mm=s.air_n_mm[:, channels])
+    )
+
+
+WIRINGS: tuple[tuple[str, Callable[[Scan], Scan], set[tuple[FaultKind, int | None]]], ...] = (
+    ("all reversed", lambda s: scaled(s, -1.0), {(FaultKind.REVERSED, None)}),
+    ("all reversed at half gain", lambda s: scaled(s, -0.5), {(FaultKind.REVERSED, None)}),
+    ("one reversed", lambda s: scaled(s, 1.0, -1.0, 1.0), {(FaultKind.REVERSED, 1)}),
+    (
+        "two reversed",
+        lambda s: scaled(s, -1.0, -1.0, 1.0),
+        {(FaultKind.REVERSED, 0), (FaultKind.REVERSED, 1)},
+    ),
+    ("a thousand", lambda s: scaled(s, 1000.0), {(FaultKind.UNIT, None)}),
+    ("a thousandth", lambda s: scaled(s, 0.001), {(FaultKind.UNIT, None)}),
+    ("pounds inch", lambda s: scaled(s, 1.0 / 113.0), {(FaultKind.UNIT, None)}),
+    (
+        "a thousand, reversed",
+        lambda s: scaled(s, -1000.0),
+        {(FaultKind.UNIT, None), (FaultKind.REVERSED, None)},
+    ),
+    ("one amplifier at ten", lambda s: scaled(s, 1.0, 10.0, 1.0), {(FaultKind.UNIT, 1)}),
+    ("one amplifier at a thousandth", lambda s: scaled(s, 1.0, 1e-3, 1.0), {(FaultKind.UNIT, 1)}),
+    ("one channel twice", lambda s: wired(s, 0, 0), {(FaultKind.DOUBLED, 0), (FaultKind.DOUBLED, 1)}),
+    ("supply off", lambda s: recorded_as(s, FaultKind.NO_SIGNAL), {(FaultKind.NO_SIGNAL, None)}),
+    ("air and land exchanged", lambda s: recorded_as(s, FaultKind.LIFTED), {(FaultKind.LIFTED, None)}),
+)
+
+
+def recorded_as(scan: Scan, kind: FaultKind) -> Scan:
+    """The recording with lifted samples in place of the touching ones; of LIFTED, touching in place of lifted."""
+
+    def change(s: Sweep) -> Sweep:
+        air, n = s.air_n_mm, s.plan.n_samples
+        lifted = np.tile(air, (1, 1, n // air.shape[2] + 1))[..., :n]
+        touching = s.moment_n_mm[..., 20 : 20 + air.shape[2]]
+        return replace(s, moment_n_mm=lifted, air_n_mm=touching if kind is FaultKind.LIFTED else air)
+
+    return changed(scan, change)
+
+
+def kinds(faults: tuple[Fault, ...]) -> set[tuple[FaultKind, int | None]]:
+    return {(f.kind, f.whisker) for f in faults}
+
+
+@pytest.mark.parametrize("bench", BENCHES, ids=str)
+@pytest.mark.parametrize(("change", "expected"), [pytest.param(w[1], w[2], id=w[0]) for w in WIRINGS])
+def test_each_wiring_is_named_and_the_stage_is_left_alone(
+    bench: tuple[Any, ...], change: Callable[[Scan], Scan], expected: set[tuple[FaultKind, int | None]]
+) -> None:
+    faults = find_faults(change(sound(*bench)))
+    assert kinds(faults) == expected
+    assert not any("too high" in f.text or "too low" in f.text for f in faults)
+
+
+@pytest.mark.parametrize("bench", BENCHES, ids=str)
+def test_sound_signals_give_no_alarm(bench: tuple[Any, ...]) -> None:
+    scan = sound(*bench)
+    assert find_faults(scan) == ()
+    assert find_signal_faults(scaled(scan, -0.37), volts=True) == ()
+
+
+def test_a_tilted_plate_is_no_fault_of_the_signals() -> None:
+    faults = find_faults(sound(8, 0.0, ALL_DIRECTIONS, True, rise_mm=0.5))
+    assert {f.kind for f in faults} == {FaultKind.TILTED}
+
+
+def test_volts_are_only_compared_with_each_other() -> None:
+    scan = sound(4, 0.3, ALL_DIRECTIONS, False)
+    assert kinds(find_signal_faults(scaled(scan, 0.35, -0.35, 0.35), volts=True)) == {(FaultKind.REVERSED, 1)}
+    assert kinds(find_signal_faults(scaled(scan, 0.35, 35.0, 0.35), volts=True)) == {(FaultKind.UNIT, 1)}
+
+
+@settings(max_examples=12, deadline=None)
+@given(pair=st.sets(st.integers(0, 5), min_size=2, max_size=2), bench=st.sampled_from(BENCHES[:2]))
+def test_exchanged_channels_are_never_another_fault_and_neighbours_are_named(
+    pair: set[int], bench: tuple[Any, ...]
+) -> None:
+    a, b = sorted(pair)
+    order = list(range(6))
+    order[a], order[b] = b, a
+    faults = find_faults(wired(sound(*bench), *order))
+    assert not {f.kind for f in faults} & (OF_THE_STAGE | SIGNALS - {FaultKind.EXCHANGED})
+    (exchanged,) = [f for f in faults if f.kind is FaultKind.EXCHANGED]
+    if b == a + 1 == 1:
+        assert "with channels 0 and 1 exchanged" in exchanged.text
+
+
+def test_lines_that_count_backward_within_each_whisker_are_named() -> None:
+    """As where the sign of the position across the passes is wrong and that of across_mm is not."""
+    scan = sound(8, 0.0, ALL_DIRECTIONS, False)
+    backward = changed(
+        scan, lambda s: replace(s, moment_n_mm=s.moment_n_mm[::-1]) if s.plan.direction.along_x else s
+    )
+    (fault,) = find_faults(backward)
+    assert fault.kind is FaultKind.EXCHANGED
+    assert "positions across the passes along x in reverse order" in fault.text
+
+
+@pytest.mark.parametrize("bench", [b for b in BENCHES if not b[3]], ids=str)
+def test_tips_beyond_the_part_are_flagged_as_by_the_simulation(bench: tuple[Any, ...]) -> None:
+    scan, truth = sound(*bench), sound(*bench[:3], True)
+    flagged = flag_faults(scan, find_faults(scan))
+    for found, true in zip(flagged.sweeps, truth.sweeps, strict=True):
+        outside = (true.flags & SampleFlag.OUTSIDE) != 0
+        assert ((found.flags & SampleFlag.OUTSIDE) != 0)[outside].mean() > 0.99
+        assert ((found.flags & SampleFlag.OUTSIDE) != 0)[~outside].mean() < 0.001
+    assert flag_beyond_part(flagged) is flagged
+
+
+def test_a_dead_whisker_at_the_end_of_the_comb_is_not_beyond_the_part() -> None:
+    scan = sound(3, 0.0, ALONG_X, True)
+    on_part = replace(scan, sweeps=tuple(s.of(np.array([0, 1])) for s in scan.sweeps), kind=())
+    dead = scaled(on_part, 1.0, 0.0)
+    assert kinds(find_faults(dead)) == {(FaultKind.DEAD, 1)}

@@ -12,7 +12,6 @@ from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.regrid import fit_pitch
 from whisker_array.simulation.surface import (
-    TouchSurface,
     fill_dropouts,
     orient,
     prepare_surface,
@@ -113,22 +112,6 @@ def test_slopes_belong_to_the_trace_frame(direction: TraceDirection) -> None:
     # float32 heights of 0.5 mm over two pitches
     np.testing.assert_allclose(turned.fields[..., 1], along, atol=2e-6)
     np.testing.assert_allclose(turned.fields[..., 2], across, atol=2e-6)
-
-
-@pytest.mark.parametrize("direction", list(TraceDirection))
-@pytest.mark.parametrize("shape", [(30, 40), (16, 33), (3, 70)])
-def test_all_layers_turn_as_slices_and_signs_say(shape: tuple[int, int], direction: TraceDirection) -> None:
-    rng = np.random.default_rng(8)
-    fields, yielding = (rng.normal(size=(*shape, n)).astype(np.float32) for n in (4, 7))
-    surface = TouchSurface(fields, np.zeros(shape, dtype=np.bool_), PITCH, yielding)
-    turned = orient(surface, direction)
-    for before, got in ((fields, turned.fields), (yielding, turned.yielding)):
-        expected = before
-        if not direction.along_x:
-            expected = expected.transpose(1, 0, 2)[:, :, [0, 2, 1, 3, 5, 4, 6][: before.shape[2]]]
-        if direction.backward:
-            expected = expected[:, ::-1] * np.array([1, -1, 1, 1, -1, 1, 1], np.float32)[: before.shape[2]]
-        np.testing.assert_array_equal(got, expected)
 
 
 def test_lines_are_sampled_bilinearly() -> None:

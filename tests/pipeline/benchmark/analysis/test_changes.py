@@ -16,7 +16,7 @@ from pipeline.benchmark.trials.run import Benchmark, remake
 from pipeline.cli.main import main
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 pytestmark = pytest.mark.usefixtures("inline")
 PARTS = designed_parts(parts=3, severities=(0.3, 0.6), given=("format", "font,format"))

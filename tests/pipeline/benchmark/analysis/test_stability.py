@@ -21,7 +21,7 @@ from pipeline.reading.perturbation import PERTURBATIONS
 from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 from whisker_array.simulation.traces import Fidelity
 
 pytestmark = pytest.mark.usefixtures("inline")

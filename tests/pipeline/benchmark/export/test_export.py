@@ -18,8 +18,7 @@ from pipeline.benchmark.export.exported_part import FINEST, polygon_px, step_of,
 from pipeline.benchmark.export.folder import ExportError, check, export
 from pipeline.formats.touch_file import read_part_map
 from tests.factories import designed_parts
-from tests.support.counted import Counted
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import Counted, csv_rows
 
 EMPTY_MM = 0.06
 """A two-tone test of places: a mark is deeper than half of its 0.2 mm where the land is not."""

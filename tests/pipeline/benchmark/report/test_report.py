@@ -17,7 +17,7 @@ from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
-from tests.support.csv_table import csv_rows
+from tests.support.run_tables import csv_rows
 
 SECTIONS = (
     "wrong", "summary", "accuracy", "decisions",

@@ -19,7 +19,7 @@ from pipeline.reading.part_job import PartJob
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import Executor
 from recognition.decide.reading import Reading
-from tests.support.readings import reading_of
+from tests.support.evidence import reading_of
 
 MAP, RECORDED = PartFiles("m", height_map="m.npz"), PartFiles("r.1", scan="r.1.h5")
 SECOND = PartFiles("r.2", scan="r.2.h5")

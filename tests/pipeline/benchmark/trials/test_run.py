@@ -32,7 +32,7 @@ from recognition.reader import Reader
 from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
 from tests.factories import designed_parts
-from tests.support.counted import Counted
+from tests.support.run_tables import Counted
 from whisker_array.simulation.traces import Fidelity
 
 FAST = ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE))

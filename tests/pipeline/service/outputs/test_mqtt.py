@@ -24,9 +24,8 @@ from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import Problem
-from tests.support.line_broker import Broker, GuardedBroker, Listener
+from tests.support.line_broker import Broker, GuardedBroker, Listener, certificates
 from tests.support.line_fakes import LONG_S, Outbox, part, reading, until
-from tests.support.self_signed import certificates
 from tests.support.waiting import free_port, wait_until
 
 pytestmark = pytest.mark.anyio

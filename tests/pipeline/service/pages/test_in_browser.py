@@ -21,8 +21,7 @@ from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from tests.support.line_fakes import serving
 from tests.support.page_shop import MM, Shop, character, reading
-from tests.support.programs import program
-from tests.support.waiting import wait_until
+from tests.support.waiting import program, wait_until
 
 CELL, LEFT, TOP, TALL = 80, 60, 80, 100  # pixels of the drawings, where the places of a reading lie
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
