@@ -9,9 +9,10 @@ from pydantic import TypeAdapter
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from pipeline.common.version import program_version
-from pipeline.service.api import parts_router, service_router
+from pipeline.service.api import parts_router
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
+from pipeline.service.service_api import service_router
 from pipeline.service.web.access import COOKIE
 from pipeline.service.web.door import Door
 from pipeline.service.web.problem import ProblemBody, add_problem_handlers
