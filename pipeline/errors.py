@@ -91,14 +91,7 @@ def problem_of(name: str | Path, what: str, hint: str) -> FileError:
 
 @contextlib.contextmanager
 def shown_as(names: Mapping[str, str]) -> Iterator[None]:
-    """Show files under other names in errors raised within the block.
-
-    Args:
-        names: the URL or name to show, by path.
-
-    Raises:
-        FileError: as raised in the block, with the name to show.
-    """
+    """Show files under other names, by path, in a FileError raised within the block."""
     token = _SHOWN.set({**_SHOWN.get(), **names})
     try:
         yield
@@ -129,11 +122,7 @@ def naming(name: str | Path) -> Iterator[None]:
 
 
 def require_file(path: Path, *, most_bytes: int) -> None:
-    """Check that a path is a file, not empty and not too long.
-
-    Raises:
-        FileError: it is not.
-    """
+    """Check that a path is a file, not empty and not too long. FileError: it is not."""
     try:
         status = path.stat()
     except FileNotFoundError:

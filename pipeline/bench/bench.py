@@ -1,10 +1,5 @@
 """Open a bench, and scan the part on it pass by pass or over a whole region.
 
-    with Bench(read_bench(path)) as bench:
-        bench.home()
-        session = bench.session("plate 7")
-        session.feel(pass) -> Sweep
-
 * Positions of samples come from the converter's own clock: the stage sets an output while it drags the tips, and its
   acceleration is known. The host's clock is not involved.
 * However the block ends, the tips are lifted last: at rest, or after an emergency stop if a pass was interrupted.
@@ -80,21 +75,15 @@ class Bench:
         self.stage.lift()
 
     def session(self, part_id: str = "") -> BenchSession:
-        """Open a session, in the plate's frame, with the part under the whiskers; home first if needed.
-
-        Raises:
-            StageError: homing failed.
-        """
+        """Open a session with the part under the whiskers, in the plate's frame; home if needed. StageError: homing
+        failed."""
         if self.stage.lost:
             self.home()
         return BenchSession(self, self.settings.fitting(part_id))
 
     def run(self, moves: Moves) -> Record:
-        """Run one pass; the tips end lifted.
-
-        Raises:
-            StageError: the pass failed; the stage is stopped and, as far as possible, lifted.
-        """
+        """Run one pass; the tips end lifted. StageError: it failed; the stage is stopped and, as far as possible,
+        lifted."""
         self.stage.travel(moves)
         self.daq.start()
         self._in_pass = True
@@ -141,25 +130,16 @@ class Bench:
 
 
 class BenchSession:
-    """A `StageSession` over a bench.
-
-    Attributes:
-        fitting: whiskers and field; if gains are known, samples are corrected for them.
-    """
+    """A `StageSession` over a bench; if gains are known, samples are corrected for them."""
 
     def __init__(self, bench: Bench, fitting: Fitting) -> None:
-        """Use an open bench; see `Bench.session`."""
         self._bench: Bench | None = bench
         n = fitting.array.n_whiskers
         known = Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None
         self.fitting: Fitting = replace(fitting, calibration=known)
 
     def feel(self, order: Pass) -> Sweep:
-        """Run one pass. Samples are stored by line, whichever whisker ran on it.
-
-        Raises:
-            StageError: the pass failed.
-        """
+        """Run one pass. Samples are stored by line, whichever whisker ran on it. StageError: the pass failed."""
         if self._bench is None:
             raise StageError("the part is no longer on the stage", "open a new session for every part")
         settings = self._bench.settings
@@ -188,11 +168,7 @@ class BenchSession:
 def raster_passes(
     fitting: Fitting, region_mm: tuple[float, float, float, float], directions: Iterable[TraceDirection]
 ) -> tuple[Pass, ...]:
-    """Plan the passes of the default raster for the character height, with the mounted comb.
-
-    Args:
-        region_mm: (x0, y0, x1, y1).
-    """
+    """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb."""
     usual = default_plan(region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions))
     between = math.ceil(fitting.array.pitch_mm / usual.line_pitch_mm - 1e-9)
     return replace(usual, array=fitting.array, line_pitch_mm=fitting.array.pitch_mm / between).passes()
@@ -204,14 +180,7 @@ def feel_all(
     *,
     on_pass: Callable[[int, Pass], None] = lambda k, order: None,
 ) -> Scan:
-    """Run the passes one after the other.
-
-    Args:
-        on_pass: callback after each pass, with its number from 1 and the pass.
-
-    Raises:
-        StageError: a pass failed.
-    """
+    """Run passes one after the other; `on_pass` is called after each with its number from 1. StageError: one failed."""
     began, felt = datetime.now(UTC).isoformat(timespec="seconds"), []
     for k, order in enumerate(passes, start=1):
         felt.append(session.feel(order))

@@ -69,11 +69,7 @@ class Sender:
         query: bytes = b"",
         most_resends: int = 24,
     ) -> None:
-        """Prepare the lines.
-
-        Args:
-            query: bytes that ask the firmware for its state, sent if it does not answer.
-        """
+        """`query` are bytes that ask the firmware for its state, sent if it does not answer."""
         self._lines, self._first, self._room_bytes, self._query = lines, first, room_bytes, query
         self._sent = self._acknowledged = self._refused = 0
         self._again, self._resends_left, self.wait_s = False, most_resends, LOOK_S
@@ -96,11 +92,8 @@ class Sender:
         return (self._query if silent else b"") + b"".join(self._lines[begin : self._sent])
 
     def acknowledges(self, answer: str) -> bool:
-        """Process an answer; return whether it was an acknowledgement or a resend request.
-
-        Raises:
-            ValueError: it requests a line that cannot be sent again.
-        """
+        """Whether an answer is an acknowledgement or a resend request. ValueError: of a line that cannot be sent
+        again."""
         if answer.startswith("ok"):
             # each refused line has an `ok` of its own
             self._acknowledged += not self._refused and self._acknowledged < self._sent
@@ -116,11 +109,7 @@ class Sender:
 
 
 class Controller(ABC):
-    """A stage's controller.
-
-    Attributes:
-        lost: whether its position is unknown, so that it needs homing.
-    """
+    """A stage's controller; if `lost`, its position is unknown, and it needs homing."""
 
     dialect: ClassVar[Dialect]
 
@@ -132,11 +121,8 @@ class Controller(ABC):
 
     @abstractmethod
     def connect(self) -> str:
-        """Wait until the controller's moves have ended, and return its greeting.
-
-        Raises:
-            StageError: it does not answer like this firmware.
-        """
+        """Wait until the controller's moves have ended, and return its greeting. StageError: another firmware, or
+        none."""
 
     @abstractmethod
     def sender(self, lines: Sequence[str]) -> Sender:
@@ -148,11 +134,8 @@ class Controller(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop in an emergency: end all moves now, then lift; the stage needs homing afterwards.
-
-        Raises:
-            StageError: it could not be lifted.
-        """
+        """Stop in an emergency: end all moves now, then lift; it needs homing afterwards. StageError: it could not be
+        lifted."""
 
     def home(self) -> None:
         """Lift, and find the ends of all axes. Raises StageError: homing failed."""
@@ -250,11 +233,8 @@ class Controller(ABC):
             raise self.failed(f"the stage is at {actual} and not at {wanted}")
 
     def lift(self) -> None:
-        """Lift at rest to the travel height, or up by the same distance if the position is unknown.
-
-        Raises:
-            StageError: it could not be lifted.
-        """
+        """Lift at rest to the travel height, or as far up if the position is unknown. StageError: it could not be
+        lifted."""
         s = self.settings
         if self.lost:
             up = ["G91", f"G1Z{s.lift_mm:.3f}F{60.0 * s.rapid_mm_s:.0f}", "G90"]

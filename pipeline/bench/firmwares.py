@@ -1,8 +1,8 @@
 """Firmwares: GRBL 1.1, grblHAL, FluidNC, and Marlin 2.
 
-GRBL: character counting, status reports, feed hold and soft reset::
+GRBL: character counting (127 bytes in flight), status reports, feed hold and soft reset::
 
-    host  G53G1Z-31.000F300\\nM8\\n... --127 bytes in flight--> firmware
+    host  G53G1Z-31.000F300\\nM8\\n... -->
           <-- ok | error:N                                     one per line, in order
       ?   <-- <Run|MPos:1.000,2.000,-3.000|FS:500,0>           at any time
       !   feed hold;  0x18  soft reset --> Grbl 1.1h ['$' for help]
@@ -10,12 +10,9 @@ GRBL: character counting, status reports, feed hold and soft reset::
 
 Marlin: numbered lines with a checksum, `busy` while it works, and resend requests::
 
-    host  N7 G1X10.000F3000*81 --> firmware
-          <-- ok                                    one per line, in order
-          <-- echo:busy: processing                 every 2 s, while a line waits for moves
-          <-- Error:checksum mismatch, Last Line: 6
-              Resend: 7
-              ok                                    (belongs to the Resend)
+    host  N7 G1X10.000F3000*81 -->
+          <-- ok                                    one per line, in order; echo:busy: processing every 2 s
+          <-- Error:checksum mismatch, Last Line: 6 / Resend: 7 / ok     the ok belongs to the Resend
       M114 <-- X:10.00 Y:0.00 Z:5.00 E:0.00 Count X:800 Y:0 Z:2000
       M410 quick stop;  M112 --> Error:Printer halted. kill() called!
 
@@ -113,7 +110,6 @@ class Grbl(Controller):
         return greeting[0]
 
     def _state(self, *, wait_s: float) -> str | None:
-        """State in a fresh status report; None without a report."""
         self._place = None
         self.port.write(b"?")
         answer = self.port.answer(self.dialect.place, wait_s=wait_s)
@@ -148,11 +144,8 @@ class Marlin(Controller):
     _name = ""
 
     def connect(self) -> str:
-        """Wait for the board to boot, start numbering, and ask for its name.
-
-        Raises:
-            StageError: it does not answer like Marlin.
-        """
+        """Wait for the board to boot, start numbering, and ask for its name. StageError: it does not answer like
+        Marlin."""
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
         while (left := until - time.monotonic()) > 0.0:

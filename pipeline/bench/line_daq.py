@@ -72,11 +72,7 @@ class LineDaq:
         self._ask("start")
 
     def stop(self) -> Record:
-        """Stop, and check that no sample is missing or damaged.
-
-        Raises:
-            StageError: it was reset, does not answer, or samples are lost or damaged.
-        """
+        """Stop. StageError: it was reset, does not answer, or samples are lost or damaged."""
         self._port.write(b"stop\n")
         lines = []
         while not (line := self._next(self._settings.answer_s)).startswith("ok"):

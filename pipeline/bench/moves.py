@@ -38,11 +38,6 @@ class Ramp:
         speed |    ______________
               |   /              \\          all of it within distance_mm
               |__/                \\____
-
-    Attributes:
-        distance_mm: length of the move.
-        speed_mm_s: maximum speed.
-        acceleration_mm_s2: acceleration and deceleration.
     """
 
     distance_mm: float
@@ -79,7 +74,6 @@ class Moves:
     Attributes:
         begin_mm, end_mm: machine x, y of the move that touches.
         touch_z_mm, lift_z_mm: machine z.
-        turn_deg: angle of the turning axis.
         ramp: speed ramp of the move that touches.
         first_mm: distance from the start of that move to the first sample of the pass.
         whisker: the whisker that runs on each line of the pass.
@@ -100,12 +94,7 @@ class Moves:
 
 
 def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
-    """Compute the machine moves of a pass.
-
-    Args:
-        order: the pass, in the plate's frame.
-        bench: the bench.
-        preload_mm: preload if the pass has none of its own.
+    """Compute the machine moves of a pass in the plate's frame; `preload_mm` is for one without a preload.
 
     Raises:
         StageError: this comb or stage cannot run the pass, or it exceeds a limit.
@@ -151,7 +140,6 @@ def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
 
 
 def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...], float]:
-    """The whisker on each line, and the comb's middle across the trace."""
     n, pitch = bench.comb.n_whiskers, bench.comb.pitch_mm
     lines = np.asarray(order.line_mm)
     middle = float(lines.mean())
@@ -179,11 +167,7 @@ def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tu
 
 
 def check_limits(place_mm: Sequence[float], stage: StageSettings) -> None:
-    """Refuse a position beyond the stage's travel.
-
-    Raises:
-        StageError: the position lies beyond it.
-    """
+    """Refuse a position beyond the stage's travel (StageError)."""
     for name, value, (low, high) in zip(_AXES, place_mm, stage.travel_mm, strict=True):
         if not low <= value <= high:
             raise StageError(

@@ -31,7 +31,7 @@ class Record:
     """Samples between start and stop.
 
     Attributes:
-        volts: (samples, whiskers) voltages.
+        volts: (samples, whiskers).
         sync: (samples,) whether the stage's output was set.
         clipped: (samples, whiskers) whether the sample is at an end of the converter's range.
     """

@@ -22,23 +22,19 @@ class StageSettings(Strict):
     """The stage and its controller.
 
     Attributes:
-        firmware: firmware of the controller.
         port: serial port, or socket://HOST:PORT.
-        baud: baud rate of a serial port.
         origin_mm: machine x, y at which the turning axis (the middle of the comb, without one) is over the plate's
             (0, 0), its upper left corner.
-        flip_x, flip_y: whether the machine's axis runs against the plate's, whose y points down.
-        flip_turn: whether the turning axis turns against the direction from the plate's x to its y.
+        flip_x, flip_y: the machine's axis runs against the plate's, whose y points down.
+        flip_turn: the turning axis turns against the direction from the plate's x to its y.
         turn_axis: letter of the axis that turns the comb; without one only passes along +x are possible.
         tip_mm: offset from the turning axis to the middle tip, along the trace and across, at 0 degrees.
         land_z_mm: machine z at which unloaded tips just reach the land; greater z is higher.
         lift_mm: height above the land at which the tips travel.
         travel_mm: least and greatest x, y, z of all moves.
-        most_preload_mm: largest preload.
-        acceleration_mm_s2: acceleration of x and y, as set in the firmware.
+        acceleration_mm_s2: of x and y, as set in the firmware.
         rapid_mm_s, lower_mm_s: speed of moves without touch, and of the move down to the land.
-        answer_s: longest wait for an answer of the controller.
-        home_s: longest time of homing.
+        answer_s: longest wait for an answer of the controller; `home_s` for homing.
     """
 
     firmware: Literal["grbl", "marlin"]
@@ -71,14 +67,7 @@ class StageSettings(Strict):
 
 
 class CombSettings(Strict):
-    """The whiskers.
-
-    Attributes:
-        n_whiskers: number of whiskers in a row.
-        pitch_mm: distance from one whisker to the next.
-        character_height_mm: character height that they are built for.
-        whisker: file written by `design --out`, beside this one (default: the default whisker for the height).
-    """
+    """The whiskers, in a row; `whisker` is a file of `design --out` (default: the default whisker for the height)."""
 
     n_whiskers: int = Field(default=8, ge=1, le=256)
     pitch_mm: Positive
@@ -104,14 +93,13 @@ class DaqSettings(Strict):
     """The converter.
 
     Attributes:
-        kind: "line": a microcontroller with the line protocol; "nidaqmx": a card of NI.
-        port, baud: port and baud rate of "line".
+        kind: "line": a microcontroller with the line protocol, on a port; "nidaqmx": a card of NI.
         channels: channels of "nidaqmx", such as Dev1/ai0:7.
         sync_channel: analogue input of "nidaqmx" that is wired to the stage's spare output.
         rate_hz: samples a second.
         range_v: range to either side, V.
         volt_per_n_mm: one number, or one for each whisker, as `bench calibrate` prints them.
-        gains_known: whether the numbers are from `bench calibrate`, not from a data sheet.
+        gains_known: the numbers are from `bench calibrate`, not from a data sheet.
         answer_s: longest wait for an answer.
     """
 
@@ -160,11 +148,7 @@ class BenchSettings(Strict):
         return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
 
     def touch(self) -> Touch:
-        """The mounted whiskers.
-
-        Raises:
-            FileError: the whisker's file cannot be used.
-        """
+        """The mounted whiskers. FileError: the whisker's file cannot be used."""
         if self.comb.whisker is not None:
             return read_whisker_file(self.comb.whisker).touch
         return default_touch(self.comb.character_height_mm)
@@ -185,11 +169,8 @@ class BenchSettings(Strict):
 
 
 def read_bench(path: Path) -> BenchSettings:
-    """Read bench.toml; the path of a whisker's file is relative to it.
-
-    Raises:
-        FileError: the file is missing or not TOML, or has unknown, missing or invalid keys.
-    """
+    """Read bench.toml; the path of a whisker's file is relative to it. FileError: it is missing or no TOML, or has bad
+    keys."""
     settings = read_toml(path, BenchSettings)
     if settings.comb.whisker is None:
         return settings

@@ -40,10 +40,7 @@ _EXTRAS = {**dict.fromkeys(_SERVICE.split(), "service"), "ezdxf": "drawing"}
 
 @contextlib.contextmanager
 def failures_reported() -> Iterator[None]:
-    """Turn expected failures into a CommandError: files and machines (status 1), settings, arguments and extras (2).
-
-    Any other error is a fault of the program and is passed on.
-    """
+    """Turn expected failures into a CommandError: files and machines (status 1), settings, arguments and extras (2)."""
     try:
         yield
     except CommandError:
@@ -56,11 +53,7 @@ def failures_reported() -> Iterator[None]:
 
 @contextlib.contextmanager
 def resumable(output: str | Path | None, *, hint: str = "") -> Iterator[None]:
-    """After an interrupt, report where finished parts are kept, or the hint; None: nothing is kept.
-
-    Raises:
-        CommandError: on an interrupt.
-    """
+    """After an interrupt, say where finished parts are kept (CommandError), or the hint; None: nothing is kept."""
     try:
         yield
     except KeyboardInterrupt as error:

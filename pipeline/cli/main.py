@@ -197,11 +197,7 @@ def _show_less(arguments: Sequence[str]) -> Callable[[], None]:
 
 
 def whole_help(*names: str) -> None:
-    """Show the whole docstring of a command's function in its help, not only the line in the list of commands.
-
-    Args:
-        names: words of the command, such as tokens, add; further words may follow.
-    """
+    """Show the whole docstring of a command's function in its help, not only the line in the list of commands."""
     _read_docstrings_once()
     _, command = _command_of(names)
     if command.default_command is not None:
@@ -217,12 +213,8 @@ def _read_docstrings_once() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Returns:
-        0; 1 on failure; 2 for bad usage; 70 for a fault of the program; 130 when interrupted; 141 if the output
-        pipe is closed.
-    """
+    """Run the command line; 0, 1 on failure, 2 for bad usage, 70 for a fault of the program, 130 interrupted, 141
+    closed pipe."""
     _open_streams()
     # small matrix products are slower when shared among threads; numpy is not loaded yet
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -310,9 +310,6 @@ def settings_file(*models: Settings) -> str:
     Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. There are no tables, so
     that other lines can be pasted anywhere. A setting without a default has its type in place of a value:
 
-    # Port of the web interface; 0 takes any free one.
-    #service.port = 8417
-
     # Private key of that certificate (PEM), without a password.
     #service.tls.key =    # file or folder
     """

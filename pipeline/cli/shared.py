@@ -33,13 +33,7 @@ COLUMNS = 80
 def print_table(
     headings: Sequence[str], rows: Iterable[Iterable[object]], words: Collection[str] = ()
 ) -> None:
-    """Print a table without rules.
-
-    Args:
-        headings: headings of the columns.
-        rows: cells of each row.
-        words: headings of columns that hold words, which are left-aligned and wrapped if needed.
-    """
+    """Print a table without rules; columns of `words` are left-aligned and wrapped if needed."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
@@ -70,11 +64,7 @@ def _console() -> Console:
 
 
 def write_picture(figure: Figure, path: Path) -> None:
-    """Write a picture, and print its path.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write a picture, and print its path. FileError: it cannot be written."""
     from pipeline.plots.pictures import save_figure
 
     save_figure(figure, path)

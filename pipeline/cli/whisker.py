@@ -127,12 +127,8 @@ def scan(
 
 
 def check_recording(path: Path) -> None:
-    """Check that a recording can have this name and be written.
-
-    Raises:
-        UsageError: the suffix is wrong.
-        FileError: it cannot be written.
-    """
+    """Check that a recording can have this name and be written. UsageError: the suffix is wrong. FileError: it cannot
+    be."""
     if path.suffix.lower() not in SCAN_SUFFIXES:
         raise UsageError(f"{path}: a recording ends in {SCAN_SUFFIXES[0]}")
     check_writable(path)
@@ -141,11 +137,7 @@ def check_recording(path: Path) -> None:
 def scan_actively(
     session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
 ) -> None:
-    """Record the passes that a reader chooses, and print why it stopped.
-
-    Raises:
-        CommandError: no pass could be scanned.
-    """
+    """Record the passes that a reader chooses, and print why it stopped. CommandError: no pass could be scanned."""
     from recognition.active.felt_log import read_and_log
     from recognition.reader import Reader
     from whisker_array.scan.recording import save_scan
@@ -310,14 +302,11 @@ def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:
     Args:
         whisker: a whisker that lies in the plane of tracing.
         lift_mm: height by which the surface lifts the tip, mm: preload plus height of marks above the land.
-        mu: friction coefficient.
+        mu: friction coefficient (WhiskerError: negative or not finite).
 
     Returns:
         A warning; empty if force and moment are within `LINEAR_ERROR_LIMIT` and the tip bends by no more than
         `DEFLECTION_LIMIT` of l1.
-
-    Raises:
-        WhiskerError: the friction is negative or not finite.
     """
     from whisker_array.whisker.elastica import ElasticaError, linear_error
     from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio

@@ -12,10 +12,9 @@ is chosen whose true risk is higher is at most 1 - confidence.
 
 Readings may belong to groups, such as generators of parts. Then a threshold must also keep `group_factor` times the
 risk in each group by itself: a hypothesis for each, all of which must be refuted, each at the whole of 1 - confidence.
-A group of which too few readings are accepted for any answer is not tested by itself.
 
-Two things are assumed: the parts are independent and like future parts, and less sure readings are not right more
-often. Thresholds that accept too few parts for any answer are skipped; only the number of parts decides this.
+Assumed: the parts are independent and like future parts, and less sure readings are not right more often. Thresholds
+and groups with too few accepted parts for any answer are skipped; only the number of parts decides this.
 """
 
 from __future__ import annotations
@@ -53,12 +52,8 @@ class Shown(StrEnum):
 
 @dataclass(frozen=True)
 class ThresholdTest:
-    """One threshold, tested.
-
-    Attributes:
-        accepted: number of parts with at least this score.
-        bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
-    """
+    """One threshold, tested; `bound` is the upper bound of the wrong share among the accepted, for this threshold
+    alone."""
 
     threshold: float
     accepted: int
@@ -70,10 +65,8 @@ class ThresholdTest:
 def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
     """Least number of accepted parts that proves the risk, with a given number of wrong ones among them.
 
-    Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %.
-
-    Raises:
-        ValueError: the risk or the confidence does not lie between 0 and 1.
+    Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %. Both must lie between 0
+    and 1 (ValueError).
     """
     from scipy.special import bdtrin
 
@@ -141,8 +134,6 @@ def threshold_tests(
 
 
 class _Column:
-    """Accepted and wrong readings of one group at each threshold, and the number of accepted that a test needs."""
-
     def __init__(
         self,
         scores: NDArray[np.float64],
@@ -189,10 +180,8 @@ def risk_thresholds(
     groups: Sequence[Collection[str]] = (),
     start_share: float = 1.0,
 ) -> Mapping[float, ThresholdTest]:
-    """Find the proven threshold of each risk; a risk that no threshold is shown to keep has none.
-
-    Arguments are those of `threshold_tests`; each risk is tested by itself.
-    """
+    """Find the proven threshold of each risk, tested by itself as in `threshold_tests`; one that none keeps has
+    none."""
     tests_of = partial(
         threshold_tests,
         scores,
@@ -211,8 +200,7 @@ def parts_missing(
 ) -> int | None:
     """Estimate how many more parts would show the risk to hold at some threshold; None if no number would.
 
-    The estimate assumes the same shares of accepted and of wrong readings among further parts. The search ends at
-    `most_wrong` wrong readings.
+    The same shares of accepted and of wrong readings are assumed among them, and at most `most_wrong` wrong ones.
     """
     totals = []
     for test in tests:

@@ -34,9 +34,9 @@ class GoldenRecord:
     """One scan of the golden part.
 
     Attributes:
-        reference: whether later scans are compared with it: the whiskers were new or newly set up.
-        measures: measured values; the gain is the mean over the whiskers, the zero that of the whisker with the
-            largest mean signal in air, relative to the land's moment.
+        reference: later scans are compared with it: the whiskers were new or newly set up.
+        measures: the gain is the mean over the whiskers, the zero that of the whisker with the largest mean signal in
+            air, relative to the land's moment.
     """
 
     at: datetime
@@ -47,8 +47,6 @@ class GoldenRecord:
 
 @dataclass(frozen=True)
 class _Limit:
-    """Largest change of a measure, absolute or relative to the reference."""
-
     by: float
     relative: bool
     what: str

@@ -43,12 +43,7 @@ def files_of(settings: ReadSettings) -> list[Path]:
 
 @dataclass(frozen=True)
 class JobFile:
-    """A checked job.
-
-    Attributes:
-        name: the stem of its file.
-        settings: settings of the reader, with absolute paths.
-    """
+    """A checked job: the stem of its file, and settings with absolute paths."""
 
     name: str
     settings: ReadSettings
@@ -57,20 +52,13 @@ class JobFile:
 
 
 def read_job_file(path: Path) -> JobFile:
-    """Read a job from its file.
-
-    Raises:
-        FileError: as in `read_keys`; or an invalid name for a job, an unknown or invalid setting, or a missing file.
-    """
+    """Read a job. FileError: as in `read_keys`; or an invalid name, an unknown or invalid setting, or a missing
+    file."""
     return job_of(path, *read_keys(path))
 
 
 def read_keys(path: Path) -> tuple[dict[str, Any], str]:
-    """Read the keys of a job file, not yet checked, and the file's SHA-256.
-
-    Raises:
-        FileError: the file is missing or not TOML.
-    """
+    """The keys of a job file, not yet checked, and the file's SHA-256. FileError: the file is missing or not TOML."""
     return toml_of(path), file_sha256(path)
 
 

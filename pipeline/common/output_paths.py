@@ -27,11 +27,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: Path, suffixes: Collection[str] = ()) -> None:
-    """Check, before the work starts, that a file can be written.
-
-    Args:
-        suffixes: suffixes that it may have (default: any).
-    """
+    """Check, before the work starts, that a file of one of these suffixes (default: any) can be written."""
     if suffixes and path.suffix.lower() not in suffixes:
         raise FileError(path, "has an unsupported output format", f"end it in {', '.join(suffixes)}")
     if path.is_dir():
@@ -57,11 +53,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV table for spreadsheets; lone surrogates, which file names may hold, are written as escapes.
-
-    Args:
-        rows: the headings first; None is an empty cell.
-    """
+    """Write a CSV table, the headings first, for spreadsheets; lone surrogates of file names are written as escapes."""
     with (
         replacing(path) as temporary,
         temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream,

@@ -56,9 +56,9 @@ class AuditFigures:
     """Results of audits of accepted parts that were drawn since a time.
 
     Attributes:
-        waiting: number of parts that nobody has read yet.
-        disputed: number read differently that wait for the deciding review.
-        not_judged: number that people could not read.
+        waiting: parts that nobody has read yet.
+        disputed: parts read differently that wait for the deciding review.
+        not_judged: parts that people could not read.
         accepted_wrong: share of wrong readings among those judged, with the Clopper-Pearson interval.
     """
 

@@ -27,10 +27,8 @@ def private_file(path: Path) -> None:
 
 
 def close_to_others(path: Path) -> None:
-    """Remove the access of everybody but the owner; a group that may write keeps its access.
-
-    Missing files and other users' files are ignored.
-    """
+    """Remove the access of all but the owner (a group that may write keeps it); missing and other users' files are
+    ignored."""
     with contextlib.suppress(FileNotFoundError, PermissionError):
         mode = stat.S_IMODE(path.stat().st_mode)
         for_owner = mode & ~0o007 if mode & stat.S_IWGRP else mode & ~0o077
@@ -39,10 +37,7 @@ def close_to_others(path: Path) -> None:
 
 
 def open_no_link(path: Path) -> BufferedReader:
-    """Open a file that may have become a link or a pipe since it was checked; do not follow or wait for either.
-
-    Raises:
-        OSError: it is a link, or cannot be opened.
-    """
+    """Open a file that may have become a link or a pipe meanwhile, without following or waiting. OSError: it cannot
+    be."""
     flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"))
     return os.fdopen(os.open(path, sum(flags, os.O_RDONLY)), "rb")

@@ -19,12 +19,8 @@ _ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}
 
 @dataclass(frozen=True)
 class CandidateRecord:
-    """One candidate for one place.
-
-    Attributes:
-        probability: posterior probability, 0 to 1.
-        score: fit of its template, 1 is perfect; 0 without a template.
-    """
+    """One candidate for one place, with its posterior and the fit of its template, 1 is perfect; 0 without a
+    template."""
 
     char: str
     probability: float
@@ -39,12 +35,11 @@ class CharacterRecord:
         candidates: best first.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown.
         state: read, confused, not read or mismatch; empty if it was not judged.
-        grade: grade of the mark, A to F, or "?" if too little was scanned; empty if it was not graded.
+        grade: A to F, or "?" if too little was scanned; empty if it was not graded.
         box_px: the same in pixels, for a photograph whose scale is unknown; else None.
         state_chars: if confused, the two characters; if mismatched, the one that is there and the one expected.
-        action: action for the mark; empty if none is needed, or it was not graded.
+        action: empty if none is needed, or it was not graded.
         depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
-        depth_mean_mm: mean depth, likewise.
         burr_mm: height of the rim beside its strokes above the land; None if unknown.
         no_depth: why touch measured no depth: "font" (name it), "not felt" or "saturated"; else empty.
     """
@@ -75,12 +70,7 @@ class CharacterRecord:
 
 @dataclass(frozen=True)
 class ReasonRecord:
-    """A reason or remark for programs; `ReadingRecord.messages` has the same for people.
-
-    Attributes:
-        code: its kind, such as low_confidence, too_shallow, senses_disagree, not_in_order.
-        places: places concerned, from 1.
-    """
+    """A reason or remark for programs, and its places from 1; `ReadingRecord.messages` has the same for people."""
 
     code: str
     places: tuple[int, ...] = ()
@@ -88,11 +78,7 @@ class ReasonRecord:
 
 @dataclass(frozen=True)
 class RivalRecord:
-    """Another serial that the format allows.
-
-    Attributes:
-        probability: probability that it is the right one.
-    """
+    """Another serial that the format allows, with the probability that it is the right one."""
 
     text: str
     probability: float
@@ -103,10 +89,10 @@ class LineRecord:
     """A line of the part other than its serial.
 
     Attributes:
-        name: its name in the settings; empty for a line that the settings do not name.
+        name: in the settings; empty for a line that the settings do not name.
         confidence: probability that all of it is right, 0 to 1.
         box_mm: x0, y0, x1, y1; None if the photograph's scale or the line's place is unknown.
-        box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
+        box_px: the same in pixels of a photograph whose scale is unknown; else None.
     """
 
     name: str
@@ -118,11 +104,7 @@ class LineRecord:
 
 @dataclass(frozen=True)
 class FieldRecord:
-    """A named field of a marking.
-
-    Attributes:
-        name: text element or application identifier: SER, 21.
-    """
+    """A named field of a marking; the name is a text element or application identifier: SER, 21."""
 
     name: str
     value: str
@@ -134,10 +116,10 @@ class CodeRecord:
 
     Attributes:
         kind: Data Matrix, QR Code or Micro QR Code.
-        text: its text; GS1 codes with identifiers in brackets, control characters as their pictures (␝).
+        text: GS1 codes with identifiers in brackets, control characters as their pictures (␝).
         same: whether it holds the serial that was read; None if it has no serial, or none was read.
         box_mm: x0, y0, x1, y1; None if the photograph's scale or the code's place is unknown.
-        box_px: as box_mm, in the pixels of a photograph whose scale is unknown; else None.
+        box_px: the same in pixels of a photograph whose scale is unknown; else None.
     """
 
     kind: str
@@ -185,16 +167,14 @@ class ReadingRecord:
         decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
         height_mm: character height; None if it or the photograph's scale is unknown.
-        rotation_deg: rotation of the line, from +x towards +y.
+        rotation_deg: of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty if no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
-        seconds: time from the opening of the files to the decision: with the download of URLs, without the making
+        seconds: from the opening of the files to the decision: with the download of URLs, without the making
             of the reader and the time on a stage.
         at: time of the reading; the store sets its own.
         error: why there is no reading; empty if there is one.
         height_px: character height in pixels of a photograph whose scale is unknown; else None.
-        raised: raised marks.
-        expected: text that the part should read; empty if none is known.
         verify_probability: probability that the part has the expected text; None if no text was expected.
         rivals: other possible serials, the most probable first.
         lines: the part's other lines: those that the settings name first, then the rest.
@@ -202,10 +182,9 @@ class ReadingRecord:
         fields: named fields of the marking, such as SER KB74 or (21)KB74, on any of its lines.
         settings: hash of the settings that it was read with.
         photos: number of photographs read; 0 for touch alone.
-        passes: passes of active touch in order, in the frame of the boxes.
-        stage_s: stage seconds of these passes; None without active touch.
+        passes: of active touch, in the frame of the boxes; `stage_s` are their stage seconds.
         stopped: why touch stopped: sure, no gain, budget, all felt, nothing found or stage failed.
-        faults: faults of whiskers and bench in the recording, in words.
+        faults: of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
         accept_risk: greatest share of wrong readings among those accepted, by the settings; None without a reading.
     """
@@ -255,7 +234,7 @@ class ScanPlanRecord:
 
     Attributes:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
-        directions_deg: directions of travel, 0, 180, 90, 270.
+        directions_deg: of travel, 0, 180, 90, 270.
         line_pitch_mm: distance of neighbouring traces.
         preload_mm: depth below the land at which the free tip runs.
         reason: why touch is needed, in words.
@@ -295,11 +274,7 @@ def to_json_bytes(record: Any) -> bytes:
 
 
 def from_json(kind: type[T], data: Any) -> T:
-    """Make a record from the result of `to_json`, or from its JSON text.
-
-    Raises:
-        ValueError: the data are not such a record.
-    """
+    """Make a record from the result of `to_json`, or from its JSON text. ValueError: it is no such record."""
     adapter = _adapter(kind)
     record: T = adapter.validate_json(data) if isinstance(data, str) else adapter.validate_python(data)
     return record

@@ -72,11 +72,11 @@ class EvidenceRecord:
     """One file kept for a part.
 
     Attributes:
-        sha256: SHA-256 of its content, hexadecimal; the file is stored under that name.
+        sha256: of its content, hexadecimal; the file is stored under that name.
         name: the sender's name for it; never used as a path.
         meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
-        at: time; set by the store.
-        gone: whether the file has expired and was deleted.
+        at: set by the store.
+        gone: the file has expired and was deleted.
     """
 
     kind: EvidenceKind
@@ -91,13 +91,7 @@ class EvidenceRecord:
 
 @dataclass(frozen=True)
 class ReviewRecord:
-    """A review of a part by a person.
-
-    Attributes:
-        action: confirm, correct or unreadable.
-        token: name of the token used; empty if none is required.
-        at: time; set by the store.
-    """
+    """A review of a part by a person; `token` is empty if none is required, `at` is set by the store."""
 
     action: ReviewAction
     before: str
@@ -139,12 +133,8 @@ class TouchWait:
 
 @dataclass(frozen=True)
 class ShadowRecord:
-    """Result of a part in shadow mode.
-
-    Attributes:
-        agreement: agreement of the last reading with the expected text, which the line's own reader has sent.
-        would_be: state that the part would have if the service decided.
-    """
+    """Shadow mode: agreement of the reading with what the line's own reader says, and the state if the service
+    decided."""
 
     agreement: Agreement
     would_be: PartState
@@ -152,11 +142,9 @@ class ShadowRecord:
 
 @dataclass(frozen=True)
 class AgreementDay:
-    """Parts of one day that were read in the shadow of the line's own reader.
+    """Parts of one day (UTC) that were read in the shadow of the line's own reader.
 
     Attributes:
-        day: day, UTC.
-        parts: number of parts read.
         compared: number of them for which the line's own reader has sent a serial.
         same, other, nothing: number of these read the same, differently, or not at all.
         accepted: number of those compared that would have been accepted.
@@ -213,12 +201,7 @@ class PartRecord:
 
 @dataclass(frozen=True)
 class TokenRecord:
-    """A token, without its secret.
-
-    Attributes:
-        expires_at: time from which it is refused; None: never.
-        revoked_at: time at which it was revoked; None: it was not.
-    """
+    """A token, without its secret; `expires_at` None: never; `revoked_at` None: it was not."""
 
     name: str
     scopes: frozenset[Scope]
@@ -229,11 +212,7 @@ class TokenRecord:
 
 @dataclass(frozen=True)
 class Delivery:
-    """A result waiting to be published.
-
-    Attributes:
-        id: rises with time.
-    """
+    """A result waiting to be published; its id rises with time."""
 
     id: int
     target: str
@@ -244,11 +223,7 @@ class Delivery:
 
 @dataclass(frozen=True)
 class WaitingResults:
-    """Results in the outbox for one target.
-
-    Attributes:
-        since: time at which the oldest was put there.
-    """
+    """Results in the outbox for one target, the oldest since a time."""
 
     n: int
     since: datetime
@@ -271,7 +246,7 @@ class PartStory(History):
     Attributes:
         opinions: each person's latest opinion since the last review, oldest first.
         audit: its last audit, with the accepted text and the person's; None before the first.
-        awaits_audit: whether it was drawn for an audit that is still open.
+        awaits_audit: it was drawn for an audit that is still open.
     """
 
     part: PartRecord
@@ -282,11 +257,9 @@ class PartStory(History):
 
 @dataclass(frozen=True)
 class TrendStep:
-    """Parts of one hour or day.
+    """Parts received in one hour or day (UTC) from `at`.
 
     Attributes:
-        at: start of the hour or day, UTC.
-        parts: number of parts received.
         accepted: number of them accepted and not questioned since.
         review: number of them that a person reviews or has reviewed.
         rejects: number of them whose last reading was a reject.
@@ -304,14 +277,14 @@ class Statistics:
     """The dashboard's numbers for a period.
 
     Attributes:
-        by_camera: number of them accepted by the camera alone.
-        fell_back: number of them sent to touch.
-        rejects: number of parts whose last reading was a reject.
-        right_before_review: number of them whose reading was confirmed unchanged.
-        characters_reviewed, characters_right: number of characters in the reviewed parts' texts, and of right ones.
+        by_camera: accepted by the camera alone.
+        fell_back: sent to touch.
+        rejects: their last reading was a reject.
+        right_before_review: reading confirmed unchanged.
+        characters_reviewed, characters_right: characters in the reviewed parts' texts, and right ones.
         seconds: (p50, p99) of the reading time by source; sources without readings are left out.
         trend: the hours or days in order, including those without parts.
-        awaiting: number of parts in the review queue now, whenever they were received.
+        awaiting: parts in the review queue now, whenever they were received.
     """
 
     since: datetime

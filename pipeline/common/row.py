@@ -37,20 +37,13 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
 
     Columns:
         flags: messages about the reading and about rules that the mark breaks.
-        alternatives: a place's other candidates with their probabilities, as "3: 8 0.21, B 0.02; 5: S 0.01", places
-            from 1.
         depth_min_mm, depth_mean_mm: least and mean depth of all characters; None if unknown.
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where not measured.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
         rivals: other possible serials with their probabilities, as "KB74 0.021, KB71 0.013".
         grade: mark quality, A to F, of the worst character; empty if none was graded.
         grades: grades of all characters, a letter each; "?" where too little was scanned.
-        action: action for the mark and its places, as "clean 3 5, re-strike 7"; empty if none is needed.
-        lines: the part's other lines, as "lot=LOT77;date=12/26"; one that the settings do not name is just "SN8".
-        codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
-        fields: named fields of the marking, as "MFR=0AB12;SER=KB74"; empty without names.
         burr_mm: height of the highest rim beside a character's strokes; None if unknown.
-        at: time of the reading, ISO 8601.
     """
 
     places = record.characters

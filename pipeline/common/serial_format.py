@@ -34,23 +34,15 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
 
 
 def outside_format(text: str, settings: ReadSettings) -> str:
-    """The rules that a text breaks, in words; empty if there are none.
-
-    Raises:
-        FileError: as in `serial_format`.
-        SettingsError: likewise.
-    """
+    """The rules that a text breaks, in words; empty if there are none. Errors as in `serial_format`."""
     grammar = serial_format(settings)
     objections = () if grammar is None or not text else grammar.objections(text)
     return "; ".join(objections)
 
 
 def read_lexicon(path: Path) -> frozenset[str]:
-    """Read the serials in a text file, one per line; a # at the start or after a blank begins a comment.
-
-    Raises:
-        FileError: the file is missing, is not text or has no serial.
-    """
+    """The serials in a text file, one per line; a # at the start or after a blank begins a comment. FileError: no such
+    file."""
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -65,10 +57,8 @@ def read_lexicon(path: Path) -> frozenset[str]:
 
 
 def format_like(text: str) -> str:
-    """The format that a text suggests: AA999999 for KX407251, Aaa-99 for Lot-07.
-
-    Each letter or digit may be any other of its kind; all else is fixed.
-    """
+    """The format that a text suggests, AA999999 for KX407251, Aaa-99 for Lot-07: letters and digits may be any of their
+    kind."""
     return "".join(_like(char) for char in " ".join(text.split()))
 
 

@@ -68,12 +68,7 @@ class NumberedSerial(NamedTuple):
 
 @dataclass(frozen=True)
 class ProductionOrder:
-    """The serials of an order.
-
-    Attributes:
-        serials: single serials, without blanks.
-        ranges: first and last serial of each range, such as KX400000..KX409999.
-    """
+    """Single serials of an order, without blanks, and ranges by their ends, such as KX400000..KX409999."""
 
     name: str
     serials: frozenset[str] = frozenset()
@@ -108,11 +103,7 @@ class SerialRules:
         return Objection(SerialAlarm.NOT_IN_ORDER, f"{text} is not in {self.order.name}")
 
     def by_place(self, text: str, before: Sequence[tuple[int, str]]) -> Objection | None:
-        """The objection to a serial that is out of sequence.
-
-        Args:
-            before: (number of parts back, serial) of the parts read with certainty, the latest first.
-        """
+        """The objection to a serial that is out of sequence, by (number of parts back, serial), the latest first."""
         place = split_serial(text)
         serials = ((back, split_serial(other)) for back, other in before)
         known = [(back, serial) for back, serial in serials if serial is not None][:WINDOW]

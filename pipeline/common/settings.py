@@ -32,8 +32,8 @@ class Settings(BaseModel):
     """Checked settings; unknown names are errors.
 
     Attributes:
-        table: table of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names,
-            too.
+        table: table of `tactile-marks.toml`, and part of the environment variables' names; empty for the top of the
+            file.
         replaced: former names with what to write instead, for the hint of an error; empty for what now follows from
             the machine.
     """
@@ -60,11 +60,7 @@ class Settings(BaseModel):
 
     @classmethod
     def of(cls, **given: Any) -> Self:
-        """Make settings from a program's arguments.
-
-        Raises:
-            SettingsError: a setting is unknown or invalid.
-        """
+        """Make settings from a program's arguments. SettingsError: a setting is unknown or invalid."""
         for name in given:
             if name not in cls.model_fields:
                 cls.check_known(name)
@@ -75,11 +71,7 @@ class Settings(BaseModel):
 
     @classmethod
     def check_known(cls, name: str, *, called: str = "", where: str = "") -> None:
-        """Refuse a name that no setting has.
-
-        Raises:
-            SettingsError: no setting has the name; the hint lists similar ones.
-        """
+        """Refuse a name that no setting has. SettingsError: its hint lists similar ones."""
         known = list(cls.leaves())
         if name not in known:
             near = difflib.get_close_matches(name.lower(), known, n=2)
@@ -105,12 +97,7 @@ _MODES = {
 
 
 def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
-    """Make the error that describes the first invalid value.
-
-    Args:
-        error: error of pydantic.
-        called: returns the name by which the user knows a setting.
-    """
+    """Make the error of the first invalid value; `called` returns the name by which the user knows a setting."""
     first = error.errors()[0]
     if not first["loc"]:  # settings that contradict each other
         return SettingsError(first["msg"].removeprefix("Value error, "))
@@ -167,13 +154,7 @@ def _line_of_table(name: str, written: Any) -> str:
 
 @dataclass(frozen=True)
 class NamedLine:
-    """Another line beside the serial, written as lot=AAA99, or lot@0,0.5,1,1=AAA99.
-
-    Attributes:
-        name: name of the line.
-        format: format of its text.
-        region: where its middle may lie, as in `ReadSettings.region`; None for anywhere.
-    """
+    """Another line beside the serial, written as lot=AAA99, or lot@0,0.5,1,1=AAA99 with the region of its middle."""
 
     name: str
     format: str
@@ -181,11 +162,7 @@ class NamedLine:
 
     @classmethod
     def parse(cls, text: str) -> NamedLine:
-        """Parse the written form.
-
-        Raises:
-            ValueError: the name or format is missing, or the region is invalid.
-        """
+        """Parse the written form. ValueError: the name or format is missing, or the region is invalid."""
         place, sign, written = (piece.strip() for piece in text.partition("="))
         if not (sign and written):
             raise ValueError(f"{text!r} is not a line; write NAME=FORMAT, such as lot=AAA99")
@@ -400,11 +377,8 @@ class ReadSettings(MapSettings, PartSettings):
         return ("tactile", "vision", "fused") if self.mode == "auto" else (self.mode,)
 
     def check_accept_risk(self) -> None:
-        """Check that a sense keeps the accepted risk, if one was set.
-
-        Raises:
-            MarksError: none does, so that nothing would be accepted.
-        """
+        """Check that a sense keeps the accepted risk, if one was set. MarksError: none does: nothing would be
+        accepted."""
         if "accept_risk" in self.model_fields_set:
             from recognition.decide.risk import require_kept  # slow
 

@@ -4,11 +4,7 @@ Lines of CSV are safe to open in any spreadsheet. Every cell is quoted, and text
 apostrophe in front, also where a spreadsheet of another country splits a cell: =1+1 <-> '=1+1, x;=1 <-> x;'=1.
 
 Serials of equal length are compared place by place. Others are aligned with the fewest edits (Levenshtein), with EXTRA
-or MISSING beside a character that has no partner::
-
-    true   A B 1 2 3             true   A B 1 2 3
-    read   A 8 1 2 3             read   A   1 2 3 7
-                                        MISSING   EXTRA
+or MISSING beside a character that has no partner.
 """
 
 from __future__ import annotations
@@ -69,13 +65,8 @@ def unescape_formula(cell: str) -> str:
 
 @dataclass(frozen=True)
 class Pair:
-    """A place of the alignment.
-
-    Attributes:
-        true: character stamped, or EXTRA.
-        read: character read, or MISSING.
-        place: index of the character read, from 0; None if none was.
-    """
+    """A place of the alignment: the character stamped, or EXTRA, and the one read with its index, or MISSING without
+    any."""
 
     true: str
     read: str

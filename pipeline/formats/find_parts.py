@@ -1,11 +1,7 @@
 """Find the parts of a run from file names, without opening files: files of one stem in one folder are one part.
 
-    part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, scanned and photographed under two lights
-    tray-7/part-003.h5                                          tray-7/part-003, in a subfolder
-
-files, folders, globs --.
-URLs of any of these ---+--FoundFiles--> PartFiles, names made unique
-manifests --------------'
+part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, scanned and photographed under two lights
+tray-7/part-003.h5                                          tray-7/part-003, in a subfolder
 """
 
 from __future__ import annotations
@@ -168,10 +164,7 @@ def discover(
 
 
 class FoundFiles:
-    """Files, grouped to parts by folder and stem; the arguments are those of `discover`.
-
-    `passed_over` is complete after `parts`.
-    """
+    """Files, grouped to parts by folder and stem, as in `discover`; `passed_over` is complete after `parts`."""
 
     def __init__(self, *, recurse: bool, photos: bool, height_images: bool) -> None:
         self._recurse, self._photos = recurse, photos
@@ -254,7 +247,6 @@ class FoundFiles:
         return list(parts.values())
 
     def _photos_of(self, path: str) -> list[str]:
-        """Photographs of the same stem beside a height map or a scan; folders are listed once."""
         key, kind = self._key_and_kind(path)
         if key is None or kind == "photo" or not os.path.isfile(path):
             return []
@@ -296,10 +288,8 @@ def kind_of_named(file: str) -> str:
 
 
 def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
-    """Add a file to a part; two different files of one kind are an error.
-
-    Numbered photographs (part.light-2.png) all belong to the part.
-    """
+    """Add a file to a part, which may have several numbered photographs (part.light-2.png), but one file of other
+    kinds."""
     if kind == "photo" and (file in part.photos or not part.photos or set_of(file)):
         return part if file in part.photos else replace(part, photos=(*part.photos, file))
     first, problem = str(getattr(part, kind)), None

@@ -55,7 +55,6 @@ class Exemplar(OneLine):
         enrolled_at: ISO 8601 time, given by the caller.
         height_mm: character height; 0 where unknown.
         rotation_deg: rotation of its line in the plate frame.
-        part: name of the part.
         place: place of the character in the part's text, from 1; 0 where unknown.
         evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
 
@@ -91,11 +90,7 @@ class Exemplar(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GlyphDatabase(OneLine):
-    """Fonts by name (read-only) and enrolled exemplars, in order of enrolment, of the letters in use.
-
-    Raises:
-        MarksError: a font filed under another name.
-    """
+    """Fonts by name (read-only) and exemplars in order of enrolment. MarksError: a font filed under another name."""
 
     fonts: Mapping[str, Font] = field(default_factory=dict)
     exemplars: tuple[Exemplar, ...] = ()
@@ -112,22 +107,14 @@ class GlyphDatabase(OneLine):
 
 
 def save_database(database: GlyphDatabase, path: str | Path) -> None:
-    """Write the database, whole or not at all: a reader sees the old file or the new one.
-
-    Raises:
-        FileError: the folder is missing or not writable, or the disk is full.
-    """
+    """Write the database, whole or not at all. FileError: the place cannot be written."""
     body = zlib.compress(to_json(database, fallback=_plain))
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(_head(body) + body)
 
 
 def load_database(path: str | Path) -> GlyphDatabase:
-    """Read a database written by `save_database`.
-
-    Raises:
-        FileError: the file is missing, damaged, cut short, of another kind, or newer than this program.
-    """
+    """Read a database. FileError: it is missing, damaged, cut short, of another kind, or newer than this program."""
     with reading(Path(path), most_bytes=MOST_FILE_BYTES, kind="glyph database"):
         return _unpack(_checked_body(Path(path).read_bytes()))
 

@@ -194,7 +194,6 @@ class _Shape:
         return abs(float(np.log10(max(self.relief * z_mm, 1e-9) / USUAL_RELIEF_MM)))
 
     def absurdity(self, z_mm: float, xy_mm: float) -> str:
-        """Reason why no plate with marks has these measures in these units; empty if one may."""
         if odd := self.odd_size(xy_mm):
             return odd
         pitch, relief, depth = self.pitch * xy_mm, self.relief * z_mm, self.depth * z_mm
@@ -212,7 +211,6 @@ class _Shape:
         return ""
 
     def odd_size(self, xy_mm: float) -> str:
-        """Reason why no map of a plate has these distances; empty if one may."""
         pitch = self.pitch * xy_mm
         longer = max(self.raw.z.shape) * pitch
         if pitch > MOST_PITCH_MM:
@@ -248,10 +246,8 @@ MAX_PITCH_MM = 10.0
 
 @dataclass(frozen=True, eq=False)
 class PartMap:
-    """Top of a part in mm, row 0 at the top, and the dirt on it; None where the file does not say.
-
-    `rows_known`: the order of the rows is stated by the file or given.
-    """
+    """Top of a part in mm, row 0 at the top, and the dirt on it, if the file says so; `rows_known`: their order is
+    stated."""
 
     height_map: HeightMap
     soil: Soil | None = None
@@ -259,11 +255,7 @@ class PartMap:
 
 
 def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
-    """Make the map of a file.
-
-    Raises:
-        MarksError: sizes, pitches, units or heights that cannot be used.
-    """
+    """Make the map of a file. MarksError: sizes, pitches, units or heights that cannot be used."""
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)
@@ -290,7 +282,6 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
-    """Distances of columns and rows, in the file's numbers; settings override them."""
     if settings.pitch_mm is not None:
         return settings.pitch_mm, settings.pitch_mm
     if raw.x_pitch is None or raw.y_pitch is None:
@@ -325,7 +316,6 @@ def _count(n: int, old_mm: float, new_mm: float) -> int:
 
 
 def _resample_rows(z: NDArray[np.float64], n_rows: int, step: float) -> NDArray[np.float64]:
-    """Rows taken at multiples of `step` rows, linearly between neighbours."""
     if n_rows == z.shape[0] and abs(step - 1.0) < 1e-12:
         return z
     place = np.minimum(np.arange(n_rows) * step, z.shape[0] - 1)

@@ -26,7 +26,6 @@ def check_hdf5(path: Path, *, most: int | None) -> None:
     """Check that all content of an HDF5 file is inside it, in few and small chunks and of bounded size.
 
     Args:
-        path: the file.
         most: most values of its signal; another dataset may hold twice as many. Without it, only objects and chunks
             are checked.
 

@@ -7,12 +7,7 @@
 
 Stages do not run evenly, and passes do not begin at the same place: all passes of a direction are resampled on one
 raster, over the stretch that they share. The sampling rate comes from the whole time between pauses, not from single
-steps:
-
-time |          ....             ties: several samples to a tick of a coarse clock
-     |   ...  ..
-     | ..   pause: left out
-     +----------------> sample   back: to midnight, or to 0 at a new pass; anywhere else lines are out of order
+steps: a coarse clock gives several samples one time. Time may go back at midnight, or to 0 at a new pass only.
 """
 
 from __future__ import annotations
@@ -309,12 +304,9 @@ def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restar
 
 
 def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, position_unit: str) -> None:
-    """Refuse times or positions with an impossibly slow or fast stage; the hint names the likely unit.
+    """Refuse times or positions of an impossible speed of the stage (DataError); the hint names the likely unit.
 
     `time_unit` is None if the rate was stated.
-
-    Raises:
-        DataError: the speed is impossible.
     """
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:

@@ -40,14 +40,7 @@ _TEMPORARY = re.compile(
 
 @dataclass(frozen=True)
 class PhotoKind:
-    """A supported kind of picture.
-
-    Attributes:
-        name: Pillow's name for it.
-        suffixes: suffixes of files of this kind, the usual one first.
-        media_type: media type for browsers.
-        magic: its first bytes.
-    """
+    """A supported kind of picture: Pillow's name, suffixes with the usual one first, and its first bytes."""
 
     name: str
     suffixes: tuple[str, ...]
@@ -117,10 +110,8 @@ _BY_SUFFIX = {
 
 
 def file_kind(suffix: str, *, tables: bool = True) -> str:
-    """Kind of a file by its suffix: height_map, scan or photo, as the attributes of a part; empty for any other.
-
-    Text files (`tables`) may or may not hold heights.
-    """
+    """Kind of a file by its suffix: height_map, scan or photo; empty for any other. Text files (`tables`) may hold
+    heights."""
     suffix = suffix.lower()
     return "height_map" if tables and suffix in TABLE_SUFFIXES else _BY_SUFFIX.get(suffix, "")
 
@@ -141,11 +132,7 @@ def is_temporary(name: str) -> bool:
 
 
 def is_cut_short(picture: Path) -> bool:
-    """Whether a picture's end is missing, as far as its first and last bytes show; it is not decoded.
-
-    Raises:
-        OSError: it cannot be read.
-    """
+    """Whether a picture's end is missing, by its first and last bytes, without decoding. OSError: it cannot be read."""
     with picture.open("rb") as stream:
         head, n_bytes = stream.read(HEAD_BYTES), os.fstat(stream.fileno()).st_size
         stream.seek(max(0, n_bytes - TAIL_BYTES))

@@ -185,7 +185,6 @@ def _records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
 
 
 def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
-    """Columns of a table without headings, whose first line names a file; None for any other table."""
     kinds = {place: kind for place, cell in enumerate(cells) if (kind := key_and_kind(cell)[1])}
     if column_of(cells, COLUMNS) is not None or len(kinds) != 1:
         return None

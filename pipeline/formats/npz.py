@@ -132,11 +132,7 @@ class _Archive(zipfile.ZipFile):
 
 
 def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of an `.npz` file, and the dirt on the part.
-
-    If only some of the dirt's members are there, defaults fill in the others: no soft dirt, hardness of caked grime,
-    nominal friction.
-    """
+    """The heights of an `.npz` file, and the dirt on the part, whose missing members have defaults."""
     with _Archive(path) as archive:
         for name in ("z_mm", "pitch_mm"):
             if name not in archive.members:
@@ -175,11 +171,7 @@ def soil_members(soil: Soil) -> dict[str, object]:
 
 
 def write_npz(path: str | Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:
-    """Write a height map; the file appears whole or not at all.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write a height map; the file appears whole or not at all. FileError: it cannot be written."""
     pitch = np.float64(height_map.pitch_mm)
     arrays = {"z_mm": height_map.z_mm, "pitch_mm": pitch, "rows": np.str_("top-first"), **(more or {})}
     with replacing(Path(path)) as temporary, temporary.open("wb") as stream:

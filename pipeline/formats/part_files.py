@@ -91,11 +91,7 @@ def absolute(name: str | Path) -> str:
 
 
 def spelling_on_disk(name: str) -> Path:
-    """The path of a file in the disk's own spelling; unchanged without such a file.
-
-    Raises:
-        FileError: several files differ from the name in spelling alone.
-    """
+    """The path of a file in the disk's own spelling. FileError: several files differ from it in spelling alone."""
     path = Path(name)
     if os.path.lexists(path):
         return path
@@ -119,7 +115,6 @@ def spelling_on_disk(name: str) -> Path:
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
 def _names(folder: Path) -> dict[str, list[str]]:
-    """The names in a folder by their folded spelling; empty for a folder that cannot be listed."""
     with contextlib.suppress(OSError):
         return by_spelling(sorted(os.listdir(folder)))
     return {}
@@ -149,8 +144,7 @@ class PartFiles:
         name: unique in its list; control characters are written as escapes.
         photos: taken under several lights or at several exposures.
         expected: text that it should read; empty if none is known.
-        format: format of its serial; empty for that of the run.
-        font: font of its mark; empty for those of the run.
+        format, font: of its serial and mark; empty for those of the run.
         other_text: text that an earlier reading gave with a confidence above 0.5; empty without one.
         problem: why it cannot be read, known before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.
@@ -250,7 +244,6 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
 
 
 def _folders_above(part: PartFiles) -> list[str]:
-    """The folders of a part's first file, without those that its name has already."""
     if not part.files:
         return []
     folders, named = split_name(part.files[0])[0].replace("://", "/").split("/"), part.name.split("/")[:-1]

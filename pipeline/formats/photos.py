@@ -1,8 +1,6 @@
 """Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out.
 
 Pillow reads the header and decodes; OpenCV decodes pictures of 16 bit, which Pillow would cut to 8.
-
-decoded (rows, cols, 3 or 4) --turn_upright--> --flatten_opacity--> (rows, cols, 3) --stretch--> 8 or 16 bit
 """
 
 from __future__ import annotations
@@ -149,7 +147,6 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
 
 @contextlib.contextmanager
 def _open_image(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
-    """Open a picture without decoding it; errors of the decoder name the file."""
     with reading(path, kind="picture", most_bytes=MOST_BYTES["photo"]), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
         from PIL import Image, UnidentifiedImageError
@@ -205,10 +202,7 @@ def _pitch_mm(image: ImageFile) -> float | None:
 
 
 def _page(path: Path, image: ImageFile) -> tuple[int, int]:
-    """Choose the first page of a TIFF that is not blank; return its number and the number of pages.
-
-    Smaller copies of a page do not count, nor do pages beyond `_MOST_PAGES`.
-    """
+    """The first page of a TIFF that is not blank, and the number of pages, without smaller copies of a page."""
     whole = []
     for number in range(_MOST_PAGES):
         try:
@@ -236,7 +230,6 @@ def _page_note(kind: str | None, page: int, pages: int) -> str:
 
 
 def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
-    """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
     from PIL import Image
 
     by_opencv = _needs_opencv(path, image)
@@ -336,11 +329,8 @@ def _size_of_doubles(path: Path) -> tuple[int, int] | None:
 
 
 def write_photo(path: Path, photo: Photo) -> None:
-    """Write a photograph as PNG of 8 bit, with its pixel's size if that is known; whole or not at all.
-
-    Raises:
-        FileError: another suffix, or it cannot be written.
-    """
+    """Write a photograph as PNG of 8 bit with its pixel's size, if known, whole or not at all. FileError: it cannot
+    be."""
     from PIL import Image
 
     check_writable(path, (".png",))

@@ -24,11 +24,7 @@ _MOST_DIRECTORIES = 64
 
 
 def check_pieces(data: bytes, kind: str) -> None:
-    """Refuse a picture of far more pieces than a photograph has; `kind` as Pillow names it.
-
-    Raises:
-        DataError: it has more.
-    """
+    """Refuse a picture of far more pieces than a photograph has (DataError); `kind` as Pillow names it."""
     if kind == "PPM" and not _PGM_HEAD.match(data[:_MOST_PGM_HEAD_BYTES]):
         raise DataError("is a PGM with a damaged head or long comments", "save it as PNG")
     pieces = {"PNG": _png_chunks, "JPEG": _jpeg_segments, "GIF": _gif_blocks}

@@ -220,7 +220,6 @@ def _on_grid(points: Points) -> tuple[Points, float, float] | None:
 def _grid_of_triangles(
     points: Points, faces: Faces, known: NDArray[np.bool_], most: int
 ) -> tuple[Points, float, float]:
-    """Heights of the uppermost triangles on a new grid, and its pitch for both axes."""
     width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
     if not min(width, height) > 0.0:
         raise DataError(*PROFILE)

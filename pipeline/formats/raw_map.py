@@ -54,11 +54,7 @@ class RawMap:
 
 
 def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
-    """Refuse a map of more samples than the limit, before it is loaded.
-
-    Raises:
-        DataError: it has more.
-    """
+    """Refuse a map of more samples than the limit (DataError), before it is loaded."""
     if rows * cols > most:
         what = f"has {rows:,} x {cols:,} samples, over the limit of {most:,}"
         raise DataError(what, "crop or thin the map")
@@ -67,11 +63,8 @@ def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
 def numbers_in(
     data: bytes, kind: DTypeLike, start: int, shape: tuple[int, ...], most: int = MAX_PIXELS
 ) -> NDArray[Any]:
-    """The numbers that a file of known size holds from a byte on, or records of them.
-
-    Raises:
-        DataError: there are more than the limit, or the file ends too soon.
-    """
+    """The numbers of a file of known size from a byte on, or records of them. DataError: too many, or it ends too
+    soon."""
     check_size(shape[0], math.prod(shape[1:]), most)
     if len(data) < start + np.dtype(kind).itemsize * math.prod(shape):
         raise DataError(*CUT_SHORT)

@@ -133,14 +133,8 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
 
 @contextlib.contextmanager
 def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
-    """Copy one file to a folder of its own, under its own name without unsafe characters.
-
-    Errors of the block name the URL.
-
-    Raises:
-        FileError: as in `local_copies`.
-        MissingExtraError: likewise.
-    """
+    """Copy one file to a folder of its own, its name without unsafe characters. Errors name the URL, as in
+    `local_copies`."""
     files = _file_system(url)
     with _as_file_errors(url):
         path = str(files._strip_protocol(url))
@@ -161,7 +155,6 @@ def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
 
 
 def _guard(url: str, most_bytes: int) -> Any:
-    """Fsspec's callback that ends a copy that is too long or too slow."""
     from fsspec.callbacks import Callback
 
     began_s = time.monotonic()
@@ -183,7 +176,6 @@ def _is_file(entry: dict[str, Any]) -> bool:
 
 
 def _file_system(url: str) -> Any:
-    """Fsspec's file system of a URL, kept open by fsspec for the next one."""
     scheme = scheme_of(url)
     if scheme not in _SCHEMES:
         raise problem_of(url, "has an unsupported scheme", f"name one of {', '.join(sorted(_SCHEMES))}")

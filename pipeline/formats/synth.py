@@ -119,13 +119,9 @@ def write_parts(
     overwrite: bool = False,
     each: Callable[[Callable[[int], str], Iterable[int]], Iterable[str]] = map,
 ) -> list[tuple[str, str]]:
-    """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
+    """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`; return (name, text) of each.
 
-    `each` calls a function with every number and gives the results in order, as `map` does; the files written do not
-    depend on it.
-
-    Returns:
-        (name, text) of each part.
+    `each` calls a function with every number and gives the results in order, as `map` does.
 
     Raises:
         FileError: the folder is not empty and `overwrite` is off, or it cannot be written.

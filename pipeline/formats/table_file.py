@@ -1,8 +1,5 @@
 """Read tables that people save from a spreadsheet: workbooks, and every form of CSV that spreadsheets write.
 
-bytes --byte order mark--> text --"sep=" line, or count--> delimiter --quotes--> TableLine
-.xlsx --first sheet--> cells as they are shown ---------------------------------> TableLine
-
 All tables from users are read here: manifests, expected texts, production orders, answers to an exam.
 """
 
@@ -148,11 +145,7 @@ def _text_of(written: str) -> str:
 
 
 def check_serial(line: int, text: str) -> str:
-    """Check a serial of a table.
-
-    Raises:
-        DataError: a spreadsheet has taken it for a number and rounded it.
-    """
+    """Check a serial of a table. DataError: a spreadsheet has taken it for a number and rounded it."""
     if _ROUNDED.fullmatch(text):
         what = f"line {line} holds {text}, a serial that a spreadsheet has rounded"
         raise DataError(what, "format the column as text there, and save the table again")
@@ -215,8 +208,8 @@ def _bounded_lines(stream: TextIO) -> Iterator[str]:
 def _detect_delimiter(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], str, int]:
     """The lines to parse, their delimiter, and the number of lines before them.
 
-    The delimiter is the one that a "sep=" line names, or the one that splits most of the first lines into as many cells
-    as the first.
+    The delimiter is that of a "sep=" line, or the one that splits most of the first lines into as many cells as the
+    first.
     """
     sample = list(islice(lines, _SAMPLE_LINES))
     first = next((k for k, line in enumerate(sample) if line.strip()), len(sample))

@@ -1,7 +1,5 @@
 """Heights in text files: columns x y z, or a matrix of heights with a heading that describes it.
 
-text --layout of the first lines--> head | body --numpy--> NumberTable --> RawMap
-
 Any delimiter, a decimal point or comma, headings, and words for missing values are accepted.
 
 Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
@@ -57,7 +55,6 @@ class Layout:
     Attributes:
         delimiter: between columns; None for blanks and tabs.
         comma: the decimal sign is a comma.
-        columns: number of columns.
         first_line: first line of the numbers, from 0.
     """
 
@@ -139,7 +136,6 @@ def _decode(data: bytes) -> str:
 
 
 def _layout(lines: Sequence[str]) -> Layout | None:
-    """The layout with the most numbers in lines of equal length; None if no line has two numbers."""
     layouts: list[tuple[int, Layout]] = []
     for delimiter, comma in _LAYOUTS:
         counts = [_count(line, Layout(delimiter, comma, 0, 0)) for line in lines]
@@ -149,7 +145,6 @@ def _layout(lines: Sequence[str]) -> Layout | None:
 
 
 def _count(line: str, layout: Layout) -> int:
-    """Number of columns of a line of numbers; 0 for any other line."""
     if line[:1] in ("#", "%"):
         return 0
     number = _COMMA_NUMBER if layout.comma else _NUMBER
@@ -166,7 +161,6 @@ def _count(line: str, layout: Layout) -> int:
 
 
 def _names(head: Sequence[str], columns: int) -> tuple[str, ...]:
-    """The names of the columns, with the units from a line below them, if any."""
     cells = [_cells_of_head(line, columns) for line in head[-2:]]
     if len(cells) == 2 and all(cells):
         units = [unit.strip("[]()- ") for unit in cells[1]]

@@ -34,14 +34,9 @@ _NAMED = {
 
 
 def read_height_map(path: str | Path, settings: MapSettings | None = None) -> HeightMap:
-    """Read the height map in a file, in mm, row 0 at the top; its suffix determines the format.
+    """Read the height map in a file by its suffix, in mm, row 0 at the top. FileError: the file cannot be used.
 
-    Args:
-        path: the file.
-        settings: unit, pitch, kind and order of rows (default: as the file states them).
-
-    Raises:
-        FileError: the file cannot be used.
+    The settings state unit, pitch, kind and order of rows (default: as the file states them).
     """
     return read_part_map(path, settings).height_map
 
@@ -49,10 +44,8 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
 def read_part_map(
     path: str | Path, settings: MapSettings | None = None, *, most: int = MAX_PIXELS
 ) -> PartMap:
-    """Read the height map in a file, with its dirt, as `read_height_map` does.
-
-    It may have `most` samples, which is checked from the file's header if its format has one.
-    """
+    """Read the height map in a file, with its dirt; it may have `most` samples, checked from the header if there is
+    one."""
     from pipeline.formats.grid import part_map
     from pipeline.formats.text_maps import is_number_table
 
@@ -70,12 +63,9 @@ def read_part_map(
 
 
 def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
-    """Read the scan in a recording.
+    """Read the scan in a recording. FileError: it cannot be used.
 
     With `most`, the most samples that it may have, a file that points to other files is refused, too.
-
-    Raises:
-        FileError: the file cannot be used.
     """
     import h5py
 

@@ -127,7 +127,6 @@ _HIDDEN = ("L", "straight", "ribbon", "round", "Material")
 
 
 def _built(written: _L | _Straight) -> WhiskerFile:
-    """Whisker, touch and raster, with defaults scaled to the character height."""
     section = _SECTIONS[written.section.kind](**written.section.model_dump(exclude={"kind"}))
     material = written.material if isinstance(written.material, Material) else MUSIC_WIRE
     shape = math.radians(written.beta_deg), section, material
@@ -168,13 +167,8 @@ def read_whisker_file(path: Path) -> WhiskerFile:
 
 
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:
-    """Write a whisker and its use; the file appears whole or not at all.
-
-    Numbers are written in full, so that reading gives the same whisker again (angles up to rounding).
-
-    Raises:
-        FileError: it is not a .toml, cannot be written, or cannot hold a whisker of this kind.
-    """
+    """Write a whisker and its use, numbers in full, whole or not at all. FileError: a .toml cannot be written, or hold
+    it."""
     check_writable(path, (SUFFIX,))
     heading = f"# a whisker of tactile-marks and its use; lengths in mm\nformat_version = {FORMAT_VERSION}\n"
     with naming(path):

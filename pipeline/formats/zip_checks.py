@@ -20,11 +20,7 @@ def check_zip(
 ) -> None:
     """Refuse an archive of too many members, or of too many bytes in those with an ending (lower case).
 
-    Without `most_bytes` the members are checked one by one later.
-
-    Raises:
-        DataError: it is refused.
-        zipfile.BadZipFile: it is no archive.
+    DataError: it is refused (without `most_bytes` members are checked later). zipfile.BadZipFile: it is no archive.
     """
     with path.open("rb") as stream:
         length = stream.seek(0, 2)

@@ -65,10 +65,7 @@ def _ink(
 def exemplars_figure(
     font: Font, exemplars: Sequence[Exemplar], set_aside: Collection[Exemplar], *, most_columns: int = 12
 ) -> Figure:
-    """Draw the shape of each character of a learned font and the exemplars behind it, in order of enrolment.
-
-    Those that are not used (`set_aside`) are drawn first.
-    """
+    """Draw each character of a learned font and the exemplars behind it, in order of enrolment, unused ones first."""
     rows: dict[str, list[Exemplar]] = {}
     for exemplar in exemplars:
         rows.setdefault(exemplar.char, []).append(exemplar)

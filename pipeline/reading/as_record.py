@@ -38,15 +38,8 @@ MOST_RIVALS = 3
 def reading_record(
     reading: Reading, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
 ) -> ReadingRecord:
-    """Make the record of a reading, with the verdict on an expected text, if any.
-
-    Args:
-        reading: the reading.
-        settings: settings that it was read with.
-        grammar: format of the serials; None for any.
-        part: name of the part.
-        seconds: time taken to read it.
-    """
+    """Make the record of a reading (settings, grammar and seconds are those it was read with), with the verdict, if
+    any."""
     from recognition.decide.decision import bench_faults
     from recognition.decide.reasons import reasons_of
 
@@ -112,13 +105,8 @@ def _passes(log: PassLog, usual_preload_mm: float) -> tuple[PassRecord, ...]:
 
 
 def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None) -> tuple[RivalRecord, ...]:
-    """Other serials that the format allows, with their probabilities.
-
-    Args:
-        reading: the reading.
-        lattice: posteriors from which the reading was chosen; None for a reading without characters.
-        grammar: format of the serials; None for any.
-    """
+    """Other serials that the format allows, by the posteriors from which the reading was chosen, with their
+    probabilities."""
     from recognition.language.constrained_decoding import choose
 
     if lattice is None or not reading.characters:
@@ -161,7 +149,6 @@ def _code(code: Code, serial: str, scaled: bool) -> CodeRecord:
 
 
 def _box(box: Hull | None, scaled: bool) -> dict[str, Box | None]:
-    """Fields of a box in mm, or in pixels if the scale is unknown."""
     if box is None:
         return {}
     corners = (_finite(box.x0_mm), _finite(box.y0_mm), _finite(box.x1_mm), _finite(box.y1_mm))

@@ -13,22 +13,15 @@ SHOWN_BY = 2
 
 
 class BenchWatch:
-    """Faults of the most recent scanned parts.
-
-    Attributes:
-        parts: number of scanned parts checked so far.
-    """
+    """Faults of the most recent scanned parts."""
 
     def __init__(self) -> None:
         self._latest: deque[dict[str, str]] = deque(maxlen=LATEST)
         self.parts = 0
 
     def add(self, faults: Sequence[str]) -> bool:
-        """Add one scanned part; return whether it triggers a new alert.
-
-        Args:
-            faults: faults in its recording: "whisker 3, dead whisker: gives ..." or "spikes: ..."; empty if none.
-        """
+        """Add one scanned part with its faults, such as "whisker 3, dead whisker: gives ..."; whether that raises a new
+        alert."""
         before = self.message()
         self._latest.append({text.partition(":")[0]: text for text in faults})
         self.parts += 1

@@ -1,8 +1,5 @@
 """Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for.
 
-    parts, truth --certify--> Certificate --> JSON, page
-    JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decide.decision)
-
 A certificate is valid for the program, networks and settings that it was made with. It is refused by another
 version or with other networks. A part that is read with other settings (its own format, another database) is not
 accepted.
@@ -43,21 +40,17 @@ class Certificate:
     """Proven error rate of a reader on labelled parts.
 
     Attributes:
-        made_at: time of creation, UTC.
+        made_at: UTC.
         risk: largest permitted share of wrong readings among the accepted.
         confidence: confidence level of that statement.
         threshold: least confidence for acceptance.
-        sources: sources of the readings: "tactile", "vision", "fused".
-        parts: number of parts with a known truth, accepted or not.
-        accepted: number of these that were accepted.
-        wrong: number of these that were read wrong.
+        sources: of the readings: "tactile", "vision", "fused".
+        parts: number of parts with a known truth, of which `accepted` were accepted and `wrong` of these wrong.
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
-        tests: test result of every threshold.
         kind: measures of the parts.
         data_sha256: hash of the parts' files and true texts.
         settings: read settings that differ from the defaults; files are given by their hash.
-        versions: versions of program and libraries, and hashes of the networks.
-        format_version: version of the file format.
+        versions: of program and libraries, and hashes of the networks.
 
     Raises:
         ValueError: the numbers contradict each other.
@@ -123,22 +116,14 @@ class Certificate:
 
 
 def write_certificate(certificate: Certificate, path: Path) -> None:
-    """Write a certificate as JSON.
-
-    Raises:
-        FileError: the file cannot be written.
-    """
+    """Write a certificate as JSON. FileError: the file cannot be written."""
     written = TypeAdapter(Certificate).dump_json(certificate, indent=1)
     with replacing(path) as temporary:
         temporary.write_bytes(written + b"\n")
 
 
 def load_certificate(path: Path) -> Certificate:
-    """Load a certificate from its file.
-
-    Raises:
-        FileError: there is no such file, or it is not a certificate of this format.
-    """
+    """Load a certificate. FileError: there is no such file, or it is not a certificate of this format."""
     require_file(path, most_bytes=_MOST_BYTES)
     try:
         made: Certificate = TypeAdapter(Certificate).validate_json(path.read_bytes())
@@ -174,12 +159,7 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
 
 
 def valid_certificate(path: Path) -> Certificate:
-    """Load a certificate, and check it against this program.
-
-    Raises:
-        FileError: the file is not a certificate.
-        SettingsError: it was made with another program or other networks.
-    """
+    """Load a certificate. FileError: it is none. SettingsError: it was made with another program or other networks."""
     made = load_certificate(path)
     differ = differences(made.versions, reader_versions())
     if differ:
@@ -190,9 +170,8 @@ def valid_certificate(path: Path) -> Certificate:
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """Return the certified acceptance of a reader with these settings; None without a certificate.
-
-    It covers no sources if the settings differ from the certified ones.
+    """Certified acceptance of a reader, of no sources if the settings are not the certified ones; None without a
+    certificate.
 
     Raises:
         FileError: the file is not a certificate.
@@ -206,11 +185,7 @@ def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
 
 
 def settings_described(settings: ReadSettings) -> dict[str, Any]:
-    """List the settings that a certificate covers, as plain JSON values; files are given by a hash of their content.
-
-    Raises:
-        FileError: a file cannot be read.
-    """
+    """The settings that a certificate covers, as plain JSON values; files by a hash of their content (FileError)."""
     described = settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_COVERED)
     for name in _FILES:
         if name in described:

@@ -1,11 +1,7 @@
-"""Whether parts are like those that were certified, by their measures::
+"""Whether parts are like those that were certified, by their measures.
 
-    certified parts --KindOfParts.of--> values of each measure ---+
-                                                                  +--Kolmogorov-Smirnov--> Unlike, or nothing
-    parts read ------------> latest values of each measure -------+
-
-Each measure is tested by itself, at P_VALUE divided by the number of measures (Bonferroni). All measures together then
-give a false alarm in at most P_VALUE of the tests. The certified threshold is that of `pipeline.common.accepted_risk`.
+Each measure is tested by itself (Kolmogorov and Smirnov), at P_VALUE divided by the number of measures (Bonferroni).
+All measures together then give a false alarm in at most P_VALUE of the tests.
 """
 
 from __future__ import annotations
@@ -26,14 +22,8 @@ LEAST_PARTS = 20
 
 @dataclass(frozen=True)
 class KindOfParts:
-    """Distribution of each measure over some parts.
-
-    Attributes:
-        values: ascending values of each measure; for many parts, evenly spaced quantiles.
-
-    Raises:
-        ValueError: values that are not finite, or not ascending.
-    """
+    """Ascending values of each measure over some parts; for many parts, evenly spaced quantiles. ValueError: they are
+    not."""
 
     values: Mapping[Measure, tuple[float, ...]]
 
@@ -46,12 +36,8 @@ class KindOfParts:
 
     @classmethod
     def of(cls, parts: Collection[Mapping[Measure, float]], *, most_kept: int = 200) -> KindOfParts:
-        """Compute the distributions over these parts, without measures that fewer than LEAST_PARTS have.
-
-        Args:
-            parts: measures of each part.
-            most_kept: most values of a measure that are kept; of more parts, as many quantiles are kept.
-        """
+        """Compute the distributions, at most `most_kept` values each, without measures that fewer than LEAST_PARTS
+        have."""
         found = {}
         for name in Measure:
             values = np.sort([part[name] for part in parts if name in part])
@@ -64,15 +50,8 @@ class KindOfParts:
 
 @dataclass(frozen=True)
 class Unlike:
-    """A difference between two sets of parts in one measure.
-
-    Attributes:
-        measure: measure that differs.
-        certified: median over the certified parts.
-        now: median over the latest parts.
-        p: p-value of the two-sample test.
-        parts: number of latest parts.
-    """
+    """A measure that differs: medians over the certified and over the latest `parts`, p-value of the two-sample
+    test."""
 
     measure: Measure
     certified: float

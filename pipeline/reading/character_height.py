@@ -10,12 +10,9 @@ from recognition.reader import Reader
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
-    """Find the character height by reading the part.
+    """Find the character height by reading the part. MarksError: no characters were found.
 
     Dirt makes bands of its own, and only a reading finds the band that is the line.
-
-    Raises:
-        MarksError: no characters were found.
     """
     reading = Reader().read(height_map, soil=soil)
     if not reading.characters or reading.decision is Decision.REJECT:

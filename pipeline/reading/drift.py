@@ -25,24 +25,18 @@ WINDOW = 200
 
 
 def watch_of(settings: ReadSettings) -> DriftWatch | None:
-    """Make the watch of the parts that are read with these settings; None without a certificate.
-
-    Raises:
-        FileError: the file is not a certificate.
-        SettingsError: it was made with another program, other networks or other settings.
-    """
+    """Make the watch of the parts that are read with these settings; None without a certificate. Errors:
+    `certificate_of`."""
     certificate = certificate_of(settings)
     return None if certificate is None else DriftWatch(certificate)
 
 
 class DriftWatch:
-    """Running comparison of the parts being read with those of a certificate; threads may share it.
+    """Running comparison of the latest `window` parts with those of a certificate; threads may share it.
 
     A comparison takes some tenths of a second, the first one seconds, as it imports SciPy's statistics.
 
     Attributes:
-        window: number of most recent parts that are compared.
-        certificate: certificate to compare with.
         found: differences at the last comparison; empty if there are none.
         parts: number of parts checked so far.
         first: message of the first difference found; empty if there was none.
@@ -60,12 +54,8 @@ class DriftWatch:
         self.first = ""
 
     def add(self, source: str, measures: Mapping[Measure, float]) -> bool:
-        """Add one part; return whether it triggers a new difference.
-
-        Args:
-            source: source of its reading; a source that was not certified is ignored.
-            measures: measures of the part; empty if it could not be read.
-        """
+        """Add a part's measures, none if it could not be read; whether they raise a new difference. Uncertified sources
+        pass."""
         if not measures or source not in self.certificate.sources:
             return False
         with self._lock:

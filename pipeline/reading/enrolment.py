@@ -1,8 +1,5 @@
 """Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database.
 
-    reviewed part --text forced--> cuts --+
-    exemplars already in the database ----+--learn_font--> font NAME, beside the existing fonts
-
 All exemplars are kept and the font is rebuilt from them each time: the order in which parts are enrolled does not
 matter, and a part that is enrolled twice counts once.
 """
@@ -36,12 +33,7 @@ _OF_CUT = ("char", "relief", "height_mm", "rotation_deg", "raised", "place")
 
 @dataclass(frozen=True)
 class Refused:
-    """A part that could not be enrolled, with the reason.
-
-    Attributes:
-        part: name of the part.
-        why: reason in words.
-    """
+    """A part that could not be enrolled, and why."""
 
     part: str
     why: str
@@ -56,10 +48,8 @@ class EnrolReport:
     """Result of an enrolment.
 
     Attributes:
-        font: name of the font.
         enrolled: (part, characters taken) of each new part.
         known: parts that were enrolled before.
-        refused: parts that could not be enrolled.
         set_aside: exemplars kept but not used, since they disagree with the character or with others of it.
         exemplars: number of exemplars that the font uses.
         felt: characters learned from touch.
@@ -119,11 +109,9 @@ def enrol(
 
     Args:
         parts: parts with confirmed texts in `expected`; a scan is preferred to a height map.
-        database: glyph database.
         font: name of the font to be learned; a new one, or one learned before.
         settings: fonts, character height.
         vouching: whether the nearest known font may vouch for characters with few exemplars: see `learn_font`.
-        now: time of enrolment.
         each: calls a function with every part and gives the results in order, as `map` does.
 
     Raises:
@@ -202,7 +190,6 @@ def _open_database(database: Path, settings: ReadSettings) -> GlyphDatabase:
 
 
 def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: PartFiles) -> _Cuts:
-    """Cut the characters of a part with a known text; none if the part is already enrolled."""
     from pipeline.formats.touch_file import read_part_map, read_scan
 
     text, path = without_blanks(part.expected), Path(part.scan or part.height_map)
@@ -228,7 +215,6 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
 
 
 def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
-    """The exemplars, with only the latest `MOST_EXEMPLARS` of each character of a font."""
     kept: list[Exemplar] = []
     count: Counter[str] = Counter()
     for exemplar in reversed(exemplars):

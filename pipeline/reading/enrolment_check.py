@@ -1,7 +1,4 @@
-"""Check an enrolment: each half of the parts is read with the shapes learned from the other half.
-
-parts --> even, odd;   learn(odd) --reads--> even;   learn(even) --reads--> odd
-"""
+"""Check an enrolment: each half of the parts is read with the shapes learned from the other half."""
 
 from __future__ import annotations
 
@@ -24,8 +21,6 @@ class HeldOutCheck:
     """Errors on parts that were read with shapes learned from other parts.
 
     Attributes:
-        parts: number of parts read.
-        characters: number of characters on them.
         edits: wrong, missing and added characters, read with the learned font.
         edits_without: the same, read without it.
     """
@@ -60,18 +55,14 @@ def check_held_out(
     fewest_parts: int = 6,
     most_parts: int = 20,
 ) -> HeldOutCheck | None:
-    """Read parts with a font learned from other parts of the same die, and without it.
+    """Read parts with a font learned from other parts of the same die, and without it; None if too little can be
+    learned.
 
     Args:
         parts: reviewed parts with their texts.
-        database: the database that they were enrolled into.
-        font: name of the learned font in it.
-        settings: settings with which the parts are read.
+        database: the database that they were enrolled into, with the learned font.
         fewest_parts: least number of parts; half of fewer would teach too little.
         most_parts: most parts that are read; more would only take longer.
-
-    Returns:
-        The check; None with too few parts, or if nothing can be learned from a half.
     """
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:
@@ -100,7 +91,6 @@ def _copy_without(database: Path, copy: Path, font: str) -> None:
 
 
 def _compare(parts: Sequence[PartFiles], without: ReadSettings, learned: ReadSettings) -> tuple[int, ...]:
-    """Count the fields of `HeldOutCheck`."""
     from rapidfuzz.distance import Levenshtein
 
     texts = [without_blanks(part.expected) for part in parts]
@@ -114,7 +104,6 @@ def _compare(parts: Sequence[PartFiles], without: ReadSettings, learned: ReadSet
 
 
 def _read(part: PartFiles, settings: ReadSettings) -> str:
-    """The text read from a part, without blanks; empty if it cannot be read."""
     alike = settings.model_copy(update={"mode": "tactile", "active": False})
     try:
         return without_blanks(reading_of(PartJob(replace(part, font=""), alike)).text)

@@ -15,18 +15,11 @@ if TYPE_CHECKING:
 
 
 def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
-    """Load the value of `--verify`: a text, or the name of a table with the columns part and text.
-
-    Args:
-        value: the text, or the name of a table: one that ends in .csv or .xlsx, or that of an existing file.
-        grammar: grammar that every text must match.
-
-    Returns:
-        The text of every part, or the texts by part.
+    """The value of `--verify`: a text of every part, or texts by part from a table (.csv, .xlsx or an existing file).
 
     Raises:
-        FileError: the table is missing, or a text in it does not fit the format.
-        SettingsError: the text is empty or does not fit the format.
+        FileError: the table is missing, or a text in it does not fit the grammar.
+        SettingsError: the text is empty or does not fit the grammar.
     """
 
     def broken(text: str) -> str:

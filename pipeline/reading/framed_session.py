@@ -10,11 +10,7 @@ from whisker_array.whisker.passes import Pass
 
 
 class FramedSession:
-    """A `StageSession` with its own frame for orders and samples.
-
-    Attributes:
-        fitting: that of the inner session, with its field in this frame.
-    """
+    """A `StageSession` with its own frame for orders and samples; the field of its `fitting` is in that frame."""
 
     def __init__(
         self,
@@ -27,7 +23,6 @@ class FramedSession:
         """Wrap a session.
 
         Args:
-            session: session in the stage's own frame.
             x_mm: x in the stage's frame minus x in this one.
             y_mm: likewise for y.
             field_mm: (x0, y0, x1, y1) that may be scanned, in this frame.
@@ -36,11 +31,7 @@ class FramedSession:
         self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
 
     def feel(self, order: Pass) -> Sweep:
-        """Run one pass.
-
-        Raises:
-            StageError: the pass failed.
-        """
+        """Run one pass. StageError: it failed."""
         moved = order.moved(self._x_mm, self._y_mm)
         return replace(self._session.feel(moved), plan=order.sweep_plan())
 

@@ -17,18 +17,16 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
 
     Raises:
         FileError: the scan cannot be used.
-        OwnFileError: the relief, or another file of this machine, cannot be used.
-        FaultError: a fault of this program.
+        OwnFileError: the relief, or another file of this machine, cannot be used; FaultError: a fault of this program.
     """
     with sender_names(scan.parent, {str(scan): called}):
         return measure_golden(scan, relief.absolute())
 
 
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
-    """Measure the state of the whiskers from a scan of a part of known relief.
+    """Measure the state of the whiskers from a recording (.h5) of a part of known relief.
 
     Args:
-        scan: recording, .h5.
         relief: the part's height map, or the TOML of a test piece, with its corner at the origin of the scan's frame.
 
     Raises:

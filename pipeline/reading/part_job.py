@@ -62,8 +62,8 @@ class Wants:
     """What a job's caller wants beside the record.
 
     Attributes:
-        pictures: pictures of every part, or of those to review.
-        measures: measures of the reading; with a certificate they are returned anyway.
+        pictures: of every part, or of those to review.
+        measures: with a certificate they are returned anyway.
         digest: hash of the files' contents.
         camera: the camera's own reading before a fused one, and the plan for touch if the camera is unsure.
     """
@@ -80,13 +80,11 @@ class PartJob:
 
     Attributes:
         files: files of the part; its own format and font override those of the settings.
-        settings: settings of the reader.
         expected: text that the part should read; empty if none is known.
         limits: size limits, checked from the files' headers before anything is decoded.
-        wants: what is wanted beside the record.
         felt: reading of its scan, if it was read during active touch.
         retake: simulated second measurement, in place of the files' content.
-        all_senses: whether it is read by all senses that it has files for, whatever the settings' mode.
+        all_senses: it is read by all senses that it has files for, whatever the settings' mode.
         earlier: its photographs are those of an earlier job, whose reading and picture exist.
         verify: texts are expected of all parts; the record of a part without one says so.
         folder: folder for output files, of this job alone.
@@ -137,12 +135,8 @@ def reading_of(job: PartJob) -> Reading:
 
 
 def read_part(job: PartJob, reader: Reader) -> ReadPart:
-    """Read a part with its reader, and make all that the job wants.
-
-    Raises:
-        FileError: a file cannot be used.
-        VerifyError: the expected text cannot be verified.
-    """
+    """Read a part with its reader, and make all that the job wants. FileError, VerifyError: a file or the expected
+    text."""
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.scan_plan import plan_of
@@ -199,21 +193,12 @@ def _read(job: PartJob, reader: Reader) -> tuple[Reading, str]:
 
 
 def check_run(job: PartJob, _: None) -> None:
-    """Open the reader of a run; this process keeps it for its first part.
-
-    Raises:
-        MarksError: as in `PartJob.open_reader`.
-    """
+    """Open the reader of a run; this process keeps it for its first part. Errors as in `PartJob.open_reader`."""
     job.open_reader()
 
 
 def read_listed(job: PartJob, files: PartFiles) -> ReadPart:
-    """Read one part of a run; a part that cannot be read has a record with its error.
-
-    Args:
-        job: job of the run.
-        files: the part.
-    """
+    """Read one part of a run; a part that cannot be read has a record with its error."""
     began_s = time.perf_counter()
     try:
         listed = replace(job, files=files, expected=files.expected)
@@ -247,11 +232,8 @@ def _reader_of_listed(job: PartJob) -> Reader:
 
 
 def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
-    """Contents of the files named in the settings, by name, for machines that may not have them.
-
-    Raises:
-        FileError: one is missing or too large.
-    """
+    """Contents of the files named in the settings, by name, for machines that may not have them. FileError: see
+    `require_file`."""
     named = files_of(settings)
     for path in named:
         require_file(path, most_bytes=_MOST_BYTES_SENT)
@@ -315,12 +297,7 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
     """Scan a part pass by pass until its serial is sure, save the recording, and read the part with it.
 
     If the stage fails on the way, the part is read from the passes before, and goes to review. The recording is
-    `RECORDING` in the job's folder.
-
-    Args:
-        job: the part's other files; a scan is ignored. `settings.budget_s` limits the stage time.
-        stage: opens a session.
-        scan_order: order for which the session is opened.
+    `RECORDING` in the job's folder; `settings.budget_s` limits the stage time.
 
     Raises:
         StageError: not even one pass could be scanned.
@@ -345,20 +322,13 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
 
 
 def check_settings(settings: ReadSettings) -> None:
-    """Open the reader of these settings, to find errors before the next part.
-
-    Raises:
-        OwnFileError: a file that they name cannot be used.
-    """
+    """Open the reader of these settings, to find errors before the next part. OwnFileError: a file of theirs."""
     _own_reader(PartJob(settings=settings))
 
 
 def _own_reader(job: PartJob) -> Reader:
-    """The reader of a job of the service, with a time limit.
-
-    Raises:
-        OwnFileError: it cannot be opened; all its files are the service's own.
-    """
+    """The reader of a job of the service, with a time limit. OwnFileError: it cannot be opened; all its files are
+    ours."""
     if job.settings.limit_s is None:
         job = replace(job, settings=job.settings.model_copy(update={"limit_s": SENT_LIMIT_S}))
     try:

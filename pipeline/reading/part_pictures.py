@@ -33,15 +33,7 @@ _BLUE, _WHITE, _RED = (27, 78, 145), (252, 252, 252), (160, 24, 38)
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a part, for evidence.
-
-    Attributes:
-        kind: kind of file.
-        name: file name for a download.
-        content: the encoded file.
-        media_type: media type for the browser.
-        meta: as in `EvidenceRecord.meta`.
-    """
+    """A picture of a part, for evidence: the encoded file, its name for a download, `meta` as in `EvidenceRecord`."""
 
     kind: EvidenceKind
     name: str

@@ -45,11 +45,7 @@ if TYPE_CHECKING:
 
 
 def senses_of(part: PartFiles, mode: str) -> tuple[bool, bool]:
-    """Whether touch reads a part, and whether vision does.
-
-    Raises:
-        FileError: a file that the mode needs is missing.
-    """
+    """Whether touch reads a part, and whether vision does. FileError: a file that the mode needs is missing."""
     tactile, visual = part.felt, bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
     if mode in ("tactile", "fused") and not tactile:
@@ -74,13 +70,7 @@ class PartReader:
         *,
         limits: Limits | None = None,
     ) -> None:
-        """Make the part reader.
-
-        Args:
-            reader: reader, whose templates are reused from part to part.
-            settings: mode (see the table above), height files, active touch.
-            limits: size limits, checked from the files' headers before anything is decoded.
-        """
+        """Make the part reader; `limits` are checked from the files' headers before anything is decoded."""
         self.settings = settings or ReadSettings()
         self.reader, self.mode, self.limits = reader, self.settings.mode, limits
         self.budget_s = self.settings.touch_budget_s
@@ -97,8 +87,6 @@ class PartReader:
         """Load a part, read it, and verify its expected text, if any.
 
         Args:
-            part: its files.
-            expected: text that the part should read.
             again: simulated second measurement, in place of the files' content.
             felt: reading of its scan, if it was read during active touch.
             notes: notes on the part.
@@ -151,7 +139,6 @@ class PartReader:
         return Evidence(touch, vision, notes=tuple(notes), other_texts=texts)
 
     def _photo(self, part: PartFiles, *, touches: bool) -> tuple[Photo | None, list[str]]:
-        """The photograph, and notes on unusable ones."""
         try:
             photo, problems = load_photos(part, self.limits)
             return photo, [f"read without one of its photographs: {problem}" for problem in problems]
@@ -163,7 +150,6 @@ class PartReader:
     def _touch(
         self, part: PartFiles, top: PartMap | None, again: Retake | None, region_mm: Region | None
     ) -> SenseEvidence:
-        """Evidence of the height map; without one, of the recorded scan."""
         if top is None:
             scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
             return self.reader.feel_scan(scan if again is None else again.recorded(scan))
@@ -213,11 +199,7 @@ def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:
 
 
 def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:
-    """Load the photographs of a part as one; return it and notes on unusable ones.
-
-    Raises:
-        FileError: it has none, or none can be used; names the problem of the first.
-    """
+    """Load the photographs of a part as one, and notes on unusable ones. FileError, of the first: none can be used."""
     from pipeline.formats.photos import read_photo
 
     if not part.photos:

@@ -39,13 +39,11 @@ class Perturbation:
     """A kind of perturbation and its size.
 
     Attributes:
-        name: one word.
-        shift: shift of the traced lines, in line pitches, along x and y.
-        noise: whether sensors are noisy.
+        shift: of the traced lines, in line pitches, along x and y.
         light: share by which the photograph is brighter or darker.
         scale: share by which the part is larger or smaller.
-        reordered: whether directions and passes are in reverse order.
-        drawn: whether shift, light and scale are drawn at random, with these as the largest values.
+        reordered: directions and passes are in reverse order.
+        drawn: shift, light and scale are drawn at random, with these as the largest values.
     """
 
     name: str
@@ -57,11 +55,7 @@ class Perturbation:
     drawn: bool = False
 
     def reaches(self, senses: Sequence[str]) -> bool:
-        """Whether it changes anything for these senses (default: both).
-
-        Args:
-            senses: "touch" or "felt", "vision" or "lights".
-        """
+        """Whether it changes anything for these senses: "touch" or "felt", "vision" or "lights" (default: all)."""
         wanted = set(senses) or {"touch", "vision"}
         both = self.noise or self.scale
         of_touch = both or self.shift or self.reordered
@@ -85,11 +79,9 @@ REMOUNTED = Perturbation("remounted", shift=1.0, noise=True, light=0.06, scale=0
 
 @dataclass(frozen=True)
 class Retake:
-    """A simulated second measurement of a part.
+    """A simulated second measurement of a part, drawn from a seed.
 
     Attributes:
-        how: the perturbation.
-        seed: seed of the random draws.
         array: seed of the sensors' gains and offsets, if one array measures several times (default: `seed`).
     """
 

@@ -21,13 +21,7 @@ Quantity = Callable[[LShaped, Touch], float]
 
 @dataclass(frozen=True)
 class Prediction:
-    """A figure of a whisker.
-
-    Attributes:
-        what: name of the figure.
-        value: value for the nominal whisker; NaN if it jams.
-        sd: standard deviation of the value.
-    """
+    """A figure of a whisker: for the nominal one (NaN if it jams), and its standard deviation."""
 
     what: str
     value: float
@@ -37,14 +31,8 @@ class Prediction:
 def predictions(
     whisker: LShaped, touch: Touch, known: Knowledge, *, more: Mapping[str, Quantity] | None = None
 ) -> tuple[Prediction, ...]:
-    """Compute figures of a whisker: land, edges, the steepest wall, and further ones.
-
-    Args:
-        whisker: the identified whisker.
-        touch: the identified touch.
-        known: their uncertainty.
-        more: further figures by name; NaN if the whisker has none.
-    """
+    """Figures of an identified whisker and touch: land, edges, the steepest wall, and `more` by name (NaN if it has
+    none)."""
     bench = nominal_bench(whisker, touch, n_whiskers=1)
 
     def of(quantity: Quantity, name: Unknown | None = None, off: float = 0.0) -> float:

@@ -32,7 +32,6 @@ def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
     """The reader for these settings and the present content of the files that they name.
 
     Args:
-        settings: settings of the readers.
         after_photo: whether scans cover only the line that the camera saw, so that regions do not apply.
 
     Raises:
@@ -84,11 +83,7 @@ def open_reader(settings: ReadSettings) -> Reader:
 
 
 def virtual_array(settings: ReadSettings) -> VirtualArray:
-    """The array that feels height maps.
-
-    Raises:
-        FileError: the whisker's file cannot be used.
-    """
+    """The array that feels height maps. FileError: the whisker's file cannot be used."""
     from pipeline.formats.whisker_file import read_whisker_file
     from recognition.see.virtual_array import VirtualArray
     from whisker_array.scan.sensor import Sensors
@@ -108,7 +103,6 @@ def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
 
 
 def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
-    """Fonts from the database, and names of others to load."""
     if settings.database is None:
         return settings.font
     from pipeline.formats.glyph_database import load_database
@@ -121,12 +115,7 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
 
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
-    """Read a job, and check that everything named in it can be used.
-
-    Args:
-        path: path of the file, which need not exist.
-        written: its keys.
-        digest: SHA-256 of the file.
+    """Read a job with these keys (its file need not exist), and check that everything named in it can be used.
 
     Raises:
         OwnFileError: a file that it names cannot be used.
@@ -144,11 +133,7 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
 
 
 def check_line(line_format: str, text: str) -> tuple[str, ...]:
-    """Reasons why a text does not match a format, in words; empty if it matches.
-
-    Raises:
-        FormatError: an invalid format.
-    """
+    """Reasons why a text does not match a format, in words; empty if it matches. FormatError: an invalid format."""
     from recognition.language.grammar import Grammar
 
     return Grammar.parse(line_format).objections(text)

@@ -1,16 +1,8 @@
 """Plan a touch scan from the camera's reading, and turn the plan into a raster.
 
-::
-
-    +--------------------------------+  photograph
-    |   +------------------------+   |
-    |   |   K 7 B 2 9 1          |   |  region: the line and land around it
-    |   +------------------------+   |
-    +--------------------------------+
-
-The region is in the photograph's frame, and comes with the photograph's middle (`ScanPlanRecord.middle_mm`): the stage
-knows the point under the camera's axis. Without a scale the position of the line is unknown, and the plan covers the
-stage's whole field, in the stage's frame.
+The region, the line and land around it, is in the photograph's frame, and comes with the photograph's middle
+(`ScanPlanRecord.middle_mm`): the stage knows the point under the camera's axis. Without a scale the position of the
+line is unknown, and the plan covers the stage's whole field, in the stage's frame.
 """
 
 from __future__ import annotations
@@ -46,10 +38,8 @@ def plan_of(
     """Plan the scan that resolves the doubts of the camera.
 
     Args:
-        vision: reading by camera.
         photo: the photograph; if its pitch is known, the region lies around the line, or is the whole picture if no
             line was found with certainty.
-        settings: settings with the character height, if it is known.
         field_mm: width and height of the stage's field.
         reason: why touch is needed.
     """
@@ -83,13 +73,7 @@ def seen_region(
 ) -> tuple[float, float, float, float] | None:
     """(x0, y0, x1, y1) around the line that the camera found, in the photograph's frame, mm.
 
-    Args:
-        vision: reading by camera.
-        photo: the photograph that was read.
-        height_mm: height of the characters, if it is known.
-
-    Returns:
-        The region; None if the line's position is not trusted, or the picture has no scale.
+    None if the line's position is not trusted, or the picture has no scale.
     """
     if photo.pitch_mm is None or vision.trace.line is None or _mean_confidence(vision) < TRUSTED_SHARE:
         return None
@@ -99,7 +83,6 @@ def seen_region(
 def _around(
     vision: Reading, photo: Photo, height_mm: float | None
 ) -> tuple[tuple[float, float, float, float], float]:
-    """The region of the line and its margin, else the whole picture, and the height of the characters."""
     from recognition.see.photo_frame import photo_middle_mm, photo_origin_mm
 
     left, top = photo_origin_mm(photo)

@@ -15,10 +15,9 @@ _log = logging.getLogger(__name__)
 
 @contextlib.contextmanager
 def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
-    """Turn every problem into a file error with the sender's name for the file.
+    """Turn every problem into a file error with the sender's name for the file, and without the folder's path.
 
     Args:
-        folder: folder whose path is removed from the messages.
         names: names of the files by path; the first is used if an error names no file.
 
     Raises:

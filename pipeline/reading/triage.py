@@ -27,14 +27,13 @@ else:  # slow to import; a journal reads them in the form in which they are writ
 
 @dataclass(frozen=True)
 class ReadPart:
-    """A part that a worker has read.
+    """A part that a worker has read; what was not requested is empty.
 
     Attributes:
         readings: readings in the order they were made, the last one counts; or one with the error.
-        pictures: pictures to keep, if requested.
         plan: plan for touch; None if touch is not needed.
-        measures: measures of the last reading, if requested.
-        sha256: hash of its files and of its entry in the list of parts, if requested.
+        measures: of the last reading.
+        sha256: hash of its files and of its entry in the list of parts.
     """
 
     readings: tuple[ReadingRecord, ...]
@@ -55,10 +54,10 @@ class ReadPart:
 
 
 def state_after(reading: ReadingRecord) -> PartState:
-    """State of a part after a reading.
+    """State of a part after a reading, whose own decision applies the thresholds.
 
-    The reader's own decision applies the thresholds of confidence and margin. If a text is expected, only a part with
-    that text is accepted. Files that could not be read are for a person: there is no photograph to plan touch by.
+    If a text is expected, only a part with that text is accepted. Files that could not be read are for a person: there
+    is no photograph to plan touch by.
     """
     if reading.decision == "accept" and reading.verdict in ("", "confirmed"):
         return PartState.ACCEPTED
@@ -67,12 +66,8 @@ def state_after(reading: ReadingRecord) -> PartState:
 
 
 def agreement_of(reading: ReadingRecord, expected: str) -> Agreement:
-    """Agreement of a reading with the line's own reader, in shadow mode.
-
-    Args:
-        reading: reading made without the expected text, so that the two readers are independent.
-        expected: result of the line's own reader; empty if it has none.
-    """
+    """Agreement in shadow mode of a reading, made independently, with that of the line's own reader; empty if it has
+    none."""
     if not expected.strip():
         return Agreement.ALONE
     if not reading.text:

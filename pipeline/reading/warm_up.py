@@ -21,10 +21,8 @@ PIXELS = 60.0
 
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:
-    """Load the libraries, make the readers of these settings and read a clean part by vision and touch.
-
-    Settings or fonts that cannot be used do not matter here: every job reports them.
-    """
+    """Load the libraries, make the readers and read a clean part by vision and touch; every job reports what is
+    unusable."""
     from glyphs.camera.pose import Camera
     from glyphs.errors import FileError
     from glyphs.opencv import cv2

@@ -1,7 +1,5 @@
 """Certify a reader: read labelled parts as `read` does, and find the confidence from which readings may be accepted.
 
-parts --worker--> reading, measures, hash (kept) --truth--> thresholds tested --> Certificate, or what is missing
-
 Readings are kept beside the certificate until it is written: the same command continues where it stopped.
 """
 
@@ -54,7 +52,7 @@ class Certification:
     """Result of a certification on labelled parts.
 
     Attributes:
-        certificate: the certificate; None if no threshold is proven to keep the risk.
+        certificate: None if no threshold is proven to keep the risk.
         tests: one test per threshold.
         errors: number of these that could not be read.
         without_truth: number of parts that are not in the truth, and were not read.
@@ -80,11 +78,9 @@ def certify(
     confidence: float,
     manifests: Sequence[str] = (),
 ) -> Certification:
-    """Read labelled parts, and find the confidence from which readings may be accepted.
+    """Read labelled parts, and find the confidence from which readings may be accepted at a risk.
 
     Args:
-        inputs: files, folders, globs, URLs and manifests.
-        settings: read settings, for which the certificate will hold.
         out: certificate file to write; the journal of the parts already read is kept beside it.
         risk: largest share of wrong readings among the accepted, between 0 and 1.
         confidence: confidence level of the test, between 0 and 1.

@@ -1,7 +1,5 @@
 """The journal of a run: the result of each part that is done, in an SQLite file beside the output.
 
-    parts --those that the journal lacks--> executor --> results --> journal     (`resumable`)
-
 Whatever ends the run, the same command continues where it stopped.
 """
 
@@ -47,19 +45,16 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 class Journal(Generic[Stored]):
-    """Stored results of the parts of one run.
+    """Stored results of the parts of one run; each survives any end of the process, and one process has it at a time.
 
-    A stored result survives any end of the process. One process has the journal at a time. Methods that write raise
-    FileError if the disk refuses.
+    Methods that write raise FileError if the disk refuses.
 
     Attributes:
         kind: kind of run, in one word.
         keeps: type stored for a part; pydantic writes and reads it.
         facts: columns beside it, which can be read without it; see `facts_of`.
         file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
-        description: description of the run, in plain JSON values.
         again: names of the parts that have a second result.
-        resumed: whether an interrupted run is resumed.
     """
 
     kind: ClassVar[str]
@@ -71,11 +66,10 @@ class Journal(Generic[Stored]):
     def __init__(
         self, place: Path, description: Mapping[str, Any] | None, *, output: Path | None = None
     ) -> None:
-        """Resume the journal, or begin a new one.
+        """Resume the journal, a file or in the folder of the run, or begin a new one.
 
         Args:
-            place: journal file, or the folder of the run, which is created if needed.
-            description: description of the run; None to read any run and change nothing.
+            description: description of the run in plain JSON values; None to read any run and change nothing.
             output: file that errors name (default: the journal).
 
         Raises:
@@ -116,11 +110,7 @@ class Journal(Generic[Stored]):
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the journal in a folder, and close it.
-
-        Raises:
-            FileError: there is no journal.
-        """
+        """Read the journal in a folder, and close it. FileError: there is no journal."""
         path = folder / cls.file
         if not path.is_file():
             raise FileError(path, "is not there", f"name the folder of a {cls.kind} (--out)")
@@ -141,11 +131,8 @@ class Journal(Generic[Stored]):
         return {as_text(name): self.parse(text) for name, text in rows}
 
     def keep(self, name: str, result: Stored, *, again: bool = False) -> Stored:
-        """Store the result of a part, and return it; the last one of a part counts.
-
-        Args:
-            again: whether it is a second result, which is stored beside the first.
-        """
+        """Store the result of a part, or a second one beside it (`again`), and return it; the last one of each
+        counts."""
         return self.keep_all({name: result}, again=again)[name]
 
     def keep_all(self, results: Mapping[str, Stored], *, again: bool = False) -> Mapping[str, Stored]:
@@ -300,9 +287,7 @@ def resumable(
     name: str = "name",
     again: bool = False,
 ) -> Iterator[tuple[T, Stored]]:
-    """Process the parts that the journal lacks, store each result, and yield it.
-
-    Results that arrive together are stored together.
+    """Process the parts that the journal lacks, store each result, and yield it; those that arrive together, together.
 
     Args:
         work: makes a result of (order, part).
@@ -326,11 +311,8 @@ def resumable(
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
-    """Rename a file of an earlier run to NAME~ and return that name; a file with only a header is deleted.
-
-    Raises:
-        OSError: the disk refuses.
-    """
+    """Rename a file of an earlier run to NAME~ and return that name; one with only a header is deleted. OSError: the
+    disk."""
     if not path.exists() or path.stat().st_size <= len(head):
         path.unlink(missing_ok=True)
         return None
@@ -341,11 +323,7 @@ def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Name an output in errors of the disk; the same command resumes the run.
-
-    Raises:
-        FileError: the disk refuses what the block does.
-    """
+    """Name an output in errors of the disk; the same command resumes the run. FileError: the disk refuses."""
     try:
         yield
     except FileError as problem:

@@ -1,7 +1,5 @@
 """Learn a lot's die from its own parts: parts read with certainty give the shapes for reading the others again.
 
-    first readings --teachers--> parts to enrol --learn_font--> a font --second readings--> better, or as they were
-
 Readings are chosen by their content, so the order of the parts makes no difference.
 """
 
@@ -25,11 +23,7 @@ _MOST_CONSIDERED = 2000
 
 
 class Outline(NamedTuple):
-    """What the passes over a lot go by, of a reading.
-
-    Attributes:
-        part, decision, text, confidence, error: as in `ReadingRecord`.
-    """
+    """What the passes over a lot go by, of a reading."""
 
     part: str
     decision: str
@@ -39,13 +33,8 @@ class Outline(NamedTuple):
 
 
 def teachers(readings: Iterable[Outline]) -> dict[str, str]:
-    """Choose the parts to learn from, and return their texts by name.
-
-    They are the accepted parts, surest first, that add a character of which there are few exemplars so far.
-
-    Args:
-        readings: readings of the lot, in any order.
-    """
+    """Texts, by name, of the accepted parts, surest first, that add a character of which there are few exemplars so
+    far."""
     sure = (reading for reading in readings if reading.decision == "accept" and not reading.error)
     chosen: dict[str, str] = {}
     exemplars: Counter[str] = Counter()
@@ -65,10 +54,8 @@ def needs_another(reading: Outline) -> bool:
 
 
 def is_better(second: Outline, first: Outline) -> bool:
-    """Whether a part's second reading replaces its first.
-
-    It does if it is accepted, or if it has the same text and a higher confidence. An accepted reading is kept.
-    """
+    """Whether a second reading replaces the first: it is accepted, or surer of the same text. An accepted one is
+    kept."""
     if not needs_another(first) or second.error:
         return False
     return second.decision == "accept" or (second.text == first.text and second.confidence > first.confidence)

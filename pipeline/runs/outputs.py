@@ -1,18 +1,12 @@
 """Where the results of a run are kept: a journal, with a table that grows beside it, or the service's store.
 
-    keep(part, ReadPart) --> RunJournal --export--> rows.csv, in the order of the parts
-                         \\-> RunStore               parts of the store, to be searched and reviewed
-
 rows.csv                   rows as they come; after `export` complete and in the order of the parts
 rows.csv.unfinished        the journal: a description of the run and a result for every part done; `export` removes it
 rows.csv~                  the previous table of that name
 rows.quarantine.csv        the parts that could not be read: a manifest, to be corrected and read again
 
 Parquet and workbooks, to which nothing can be appended, are written by `export`. The table is never read: a resumed run
-writes it again from the lines in the journal.
-
-     open --> keep, keep, keep --> export          after a kill or power failure the same `open` resumes the run
-                           \\--> remove          for a run whose rows are kept elsewhere: no file stays
+writes it again from the lines in the journal. `remove` ends a run whose rows are kept elsewhere: no file stays.
 """
 
 from __future__ import annotations
@@ -58,13 +52,7 @@ def has_rows(table: Path) -> bool:
 
 
 class Row(NamedTuple):
-    """The reading of a part that counts.
-
-    Attributes:
-        outline: what the passes over a lot go by.
-        kept: the result, as the journal holds it.
-        line: its line of the table; empty if the table does not grow.
-    """
+    """The reading of a part that counts: what a lot's passes go by, the result, and its line of a growing table."""
 
     outline: Outline
     kept: str
@@ -85,15 +73,8 @@ class RunJournal(Journal[ReadPart]):
     facts: ClassVar[tuple[str, ...]] = ("decision", "text", "confidence", "error", "line")
 
     def __init__(self, table: Path, description: Mapping[str, Any] | None, *, written: bool = True) -> None:
-        """Args:
-            table: the file that the user named.
-            description: description of the run.
-            written: as in the attribute.
-
-        Raises:
-            FileError: the suffix is unknown, the table cannot be written or is being written, or the journal is that of
-                another run, or damaged.
-        """
+        """Raise FileError: the suffix is unknown, the table cannot be written or is being written, or the journal is
+        another's."""
         if written:
             output_paths.check_writable(table, SUFFIXES)
         self.table, self.written, self._form = table, written, form_of(table)
@@ -249,9 +230,10 @@ class RunStore:
     """
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
-        """Args:
-            url: URL of the store.
-            run: identity of the run: a hash of everything that its readings depend on.
+        """Open the store for a run.
+
+        Args:
+            run: hash of everything that its readings depend on.
             evidence: the service's folder of files; without it no pictures are kept.
 
         Raises:
@@ -273,12 +255,8 @@ class RunStore:
         self._store.close()
 
     def keep(self, part: PartFiles, read: ReadPart) -> bool:
-        """Store a part, and return whether it is new; a part that could not be read is skipped.
-
-        Raises:
-            ValueError: a text that no store can hold.
-            FileError: a picture cannot be kept.
-        """
+        """Store a part that could be read; whether it is new. ValueError: no store holds a text. FileError: a
+        picture."""
         from pipeline.store.errors import MAX_TEXT, AlreadyDoneError, cleaned
         from pipeline.store.parts import IdempotencyKey
 

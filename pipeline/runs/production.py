@@ -40,11 +40,7 @@ MOST_SHOWN = 200
 def parts_for(
     inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = (), recurse: bool = True
 ) -> Listing:
-    """List the parts of a command line that its mode can read.
-
-    Raises:
-        FileError: a manifest cannot be used.
-    """
+    """List the parts of a command line that its mode can read. FileError: a manifest cannot be used."""
     return discover(
         inputs,
         manifests=manifests,
@@ -56,13 +52,7 @@ def parts_for(
 
 
 def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executor: Executor) -> int:
-    """Read parts and print the results.
-
-    Args:
-        inputs: files, folders, globs, URLs and manifests.
-
-    Returns:
-        0, or 1 if a part could not be read or its expected text is not confirmed.
+    """Read parts and print the results; 1 if a part could not be read or its expected text is not confirmed, else 0.
 
     Raises:
         FileError: a table, order or lexicon cannot be used.

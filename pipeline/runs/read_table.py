@@ -74,7 +74,6 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    """The columns that fit beside names of a usual length; optional ones are left out if needed."""
     least = {**widths, "part": min(widths["part"], _USUAL_NAME)}
     for count in range(len(_SPARE) + 1):
         shown = [h for h in headings if h not in _SPARE[:count]]

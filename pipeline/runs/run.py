@@ -1,9 +1,5 @@
 """A run over many parts, read by an executor; every row is on the disk within a second.
 
-    listed parts --not done yet--> executor --ReadPart--> keep: store, journal, growing table
-                                                          --> parts not accepted, read again (SecondPass)
-                                                          --> export: table, summary
-
 Whatever ends the run, the same command continues where it stopped: a part in the journal is not read again. A part that
 only the store has is read again, but stored once, even if the run is repeated after its end.
 """
@@ -65,11 +61,8 @@ class Run:
     def work(self, parts: Sequence[PartFiles], job: PartJob, executor: Executor) -> None:
         """Read every part that the journal lacks, and export the table in the order of the parts.
 
-        Without a table the journal stays until the caller that opened the run is done.
-
-        Raises:
-            FileError: the table cannot be written.
-            ClusterError: the cluster is lost.
+        Without a table the journal stays until the caller that opened the run is done. FileError, ClusterError: it
+        ends.
         """
         if self.watch is not None and self.journal.resumed:
             for read in self.journal.latest(self.watch.window):
@@ -138,7 +131,6 @@ def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: b
 
     Args:
         description: settings on which the answers depend, in plain JSON values.
-        second_pass: whether to run a second pass.
 
     Raises:
         FileError: the table belongs to another run, is being written, or cannot be written.

@@ -1,7 +1,4 @@
-"""Second pass over a lot: enrol characters read with certainty, and read the other parts again with their shapes.
-
-first rows --sure parts--> enrol --> glyph database --> parts that were not accepted, read with it --> second readings
-"""
+"""Second pass over a lot: enrol characters read with certainty, and read the other parts again with their shapes."""
 
 from __future__ import annotations
 
@@ -27,11 +24,8 @@ if TYPE_CHECKING:
 
 
 def runs_second_pass(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
-    """Whether to run a second pass (default: if possible and the lot is large enough).
-
-    Raises:
-        SettingsError: the options ask for it, but it is not possible.
-    """
+    """Whether to run a second pass (default: if the lot is large enough). SettingsError: it is wanted, but not
+    possible."""
     why_not = _why_not(options, settings)
     if options.learn_die and why_not is not None:
         raise SettingsError(f"--learn-die {why_not[0]}", hint=why_not[1])
@@ -61,7 +55,7 @@ class SecondPass:
 
     Attributes:
         always: whether it is made even if no part needs another reading.
-        learned: what was learned; None before, and if nothing was.
+        learned: None before, and if nothing was.
         again: number of parts read again since the run was opened.
     """
 
@@ -78,13 +72,8 @@ class SecondPass:
         executor: Executor,
         say: Callable[[str], None],
     ) -> tuple[Sequence[PartFiles], PartJob]:
-        """Learn from the first readings, and return the parts to read again with their job.
-
-        Parts whose second reading is in the journal are left out.
-
-        Args:
-            say: called with a message: what was learned, or why nothing was.
-        """
+        """Learn from the first readings, say what was learned, and return the parts still to be read again with their
+        job."""
         from recognition.decide.evidence import EVEN  # slow to import
 
         firsts = [first for first, again in journal.outlines() if again is None and needs_another(first)]

@@ -31,10 +31,10 @@ class Summary:
     """Counts over any number of rows.
 
     Attributes:
-        decisions: number of parts with each decision; errors have none.
-        reasons: number of parts not accepted for each reason; a part may have several.
-        misfits: number of parts on which a clear text does not fit the format, for each way in which it does not.
-        slowest: (seconds, part) of the slowest parts, slowest first.
+        decisions: of parts; errors have none.
+        reasons: of parts not accepted; a part may have several.
+        misfits: of parts on which a clear text does not fit the format, by the way in which it does not.
+        slowest: (seconds, part), slowest first.
     """
 
     parts: int = 0
@@ -78,11 +78,7 @@ class Summary:
         return ", ".join((f"{self.parts:,} parts", *(f"{n} {word}" for word, n in counted.items() if n)))
 
     def lines(self, *, elapsed_s: float, read_now: int, workers: int) -> list[str]:
-        """The summary in lines of text.
-
-        Args:
-            elapsed_s: seconds since the run began or was resumed.
-        """
+        """The summary in lines of text; `elapsed_s` since the run began or was resumed."""
         lines = [self.counts()]
         for title, counter in (("not accepted", self.reasons), ("errors", self.faults)):
             shown = counter.most_common(MOST_REASONS)

@@ -1,14 +1,9 @@
-"""Tables of records: `.csv`, `.jsonl`, `.parquet` and `.xlsx`.
-
-    ReadingRecord --+-- row_of --> CSV line  flat
-                    +-- JSON line            with an object for each character
-                    +-- Parquet              the same, from some hundred JSON lines at a time
+"""Tables of records: `.csv` (flat rows), `.jsonl`, `.parquet` and `.xlsx`, with an object for each character.
 
 A character of a JSON line or of Parquet has `char`, `probability` and `score`, its `alternatives` with the same, and
-the other fields of `CharacterRecord`.
-
-Unknown values are empty fields or null. Lone surrogates, which file names may hold, and NUL, at which many programs
-stop, are written as escapes such as \\udcff and \\u0000; a backslash that would begin one is written \\u005c.
+the other fields of `CharacterRecord`. Unknown values are empty fields or null. Lone surrogates, which file names may
+hold, and NUL, at which many programs stop, are written as escapes such as \\udcff and \\u0000; a backslash that would
+begin one is written \\u005c.
 """
 
 from __future__ import annotations
@@ -47,25 +42,15 @@ _NO_CANDIDATE = {f.name: f.default for f in fields(CandidateRecord)} | {"char": 
 
 @dataclass(frozen=True, slots=True)
 class LineForm:
-    """A kind of table to which lines can be appended.
-
-    Attributes:
-        encode: makes the line of a record; raises ValueError for a record that no table can hold.
-    """
+    """A kind of table to which lines can be appended; `encode` raises ValueError for a record that no table can
+    hold."""
 
     head: bytes
     encode: Callable[[ReadingRecord], bytes]
 
 
 def write_table(lines: Iterable[bytes], path: Path) -> None:
-    """Write a table of lines or Parquet; the file appears whole or not at all.
-
-    Args:
-        lines: lines of records in the table's form.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+    """Write a table from its lines; the file appears whole or not at all. FileError: it cannot be written."""
     with replacing(path) as temporary:
         if not grows(path):
             _write_parquet(lines, temporary)
@@ -95,11 +80,7 @@ def _csv_line(record: ReadingRecord) -> str:
 
 
 def csv_cells(record: ReadingRecord) -> list[Any]:
-    """The cells of a record's row.
-
-    Raises:
-        ValueError: a number that is not finite, or a text that is too long.
-    """
+    """The cells of a record's row. ValueError: a number that is not finite, or a text that is too long."""
     return [_fitting(cell, record.part) for cell in row_of(record).values()]
 
 

@@ -46,11 +46,7 @@ _UNSAFE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def check_number(path: Path, parts: int) -> None:
-    """Refuse, before the work starts, more parts than a workbook can hold.
-
-    Raises:
-        FileError: there are more.
-    """
+    """Refuse, before the work starts, more parts than a workbook can hold. FileError: there are more."""
     if path.suffix.lower() == WORKBOOK and parts > MOST_PARTS:
         raise FileError(
             path, f"can hold {MOST_PARTS:,} parts, but there are {parts:,}", "end it in .csv or .parquet"
@@ -58,11 +54,7 @@ def check_number(path: Path, parts: int) -> None:
 
 
 def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[str, Any]) -> None:
-    """Write records one by one; the sheets wait on the disk, not in memory.
-
-    Args:
-        records: at most `MOST_PARTS`.
-        about: facts of the run by name; `settings` is a nested mapping.
+    """Write at most `MOST_PARTS` records, which wait on the disk, with facts of the run (`settings` is nested).
 
     Raises:
         OSError: it cannot be written.

@@ -91,12 +91,6 @@ class Ports:
     """Inputs and the dispatcher of one service."""
 
     def __init__(self, settings: ServiceSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Raises:
-        FileError: an unusable folder to watch.
-        MissingExtraError: a library of an extra is not installed.
-        SettingsError: an invalid webhook secret.
-        ValueError: an invalid address or format.
-        """
         self._intake = intake
         senders: dict[str, Sender] = {}
         if settings.webhook.url:
@@ -148,11 +142,8 @@ class Ports:
 
     @contextlib.asynccontextmanager
     async def opened(self) -> AsyncIterator[None]:
-        """Open the inputs and send waiting results; on leaving, running work may finish first.
-
-        Raises:
-            OSError: an address is not available.
-        """
+        """Open the inputs and send waiting results; on leaving, running work may finish. OSError: an address is not
+        available."""
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
             # threads add results and reviews as well
@@ -190,12 +181,10 @@ class Service:
             started_s: start of the program, by the monotonic clock. Default: now.
 
         Raises:
-            StoreError: a store that cannot be opened.
-            FileError: a folder that cannot be made, an evidence folder other than that of the services with which the
-                store is shared, an invalid certificate, an unusable job.
-            SettingsError: a certificate that does not fit this program and these settings, or a missing job of the
-                watched folder.
-            ValueError: invalid settings.
+            StoreError: the store cannot be opened.
+            FileError: a folder cannot be made, the evidence folder is not that of the services with the same store, or
+                a certificate or job cannot be used.
+            SettingsError: a certificate does not fit program and settings, or the watched folder's job is missing.
         """
         self.settings = settings
         workers = workers or PoolSettings()
@@ -257,10 +246,10 @@ class Service:
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     async def readiness(self) -> tuple[str, dict[str, str]]:
-        """Reason why parts cannot be read, without paths because callers need no token, and the answer of /readyz.
+        """Reason why parts cannot be read (empty if they can; without paths, as callers need no token), and the answer
+        of /readyz.
 
-        The reason is empty if parts can be read. Both come within `READY_S`, also if the store is locked: only one
-        check runs at a time, and later callers wait for it.
+        It comes within `READY_S`, also if the store is locked: one check runs at a time, and later callers wait for it.
         """
         if self._readiness is None or self._readiness.done():
             self._readiness = self._checker.submit(self._check_readiness)
@@ -390,11 +379,7 @@ class Service:
 
 
 def check_folder(settings: ServiceSettings) -> Path:
-    """Make the service's folder, with subfolders for glyph databases and jobs.
-
-    Raises:
-        FileError: it cannot be made.
-    """
+    """Make the service's folder, with subfolders for glyph databases and jobs. FileError: it cannot be made."""
     try:
         private_folder(settings.folder)
         settings.databases_folder.mkdir(exist_ok=True)

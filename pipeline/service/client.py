@@ -42,12 +42,8 @@ _LONGEST_WAIT_S = 20.0
 
 
 class ServiceError(MarksError):
-    """The service refused a request, or could not be reached.
-
-    Attributes:
-        status: HTTP status; 0 without an answer.
-        problem: problem details of the answer (RFC 9457); empty if it has none.
-    """
+    """The service refused a request, or could not be reached; `status` is 0 without an answer, `problem` is that of RFC
+    9457."""
 
     is_usage = False
 
@@ -148,11 +144,8 @@ class Client:
         return self._send_files("/v1/parts", files, idempotency_key, data=data)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
-        """Add a scan to a part; the part is then read from photograph and scan together.
-
-        Raises:
-            OSError: the file cannot be read.
-        """
+        """Add a scan to a part, which is then read from photograph and scan together. OSError: the file cannot be
+        read."""
         return self._send_files(f"{_path(part_id)}/scan", [("scan", _read(scan, "scan.h5"))], idempotency_key)
 
     def touch(self, part_id: str) -> PartRecord:
@@ -169,12 +162,8 @@ class Client:
         note: str = "",
         before: str | None = None,
     ) -> PartRecord:
-        """Review a part: confirm or correct its serial, or mark it unreadable.
-
-        Args:
-            action: confirm, correct or unreadable.
-            before: text that the reviewer saw; if it has changed since, a ServiceError with status 409 is raised.
-        """
+        """Review a part; if the text is no longer the one that the reviewer saw (`before`), a ServiceError of status
+        409 is raised."""
         body = {
             "action": ReviewAction(action).value,
             "text": text,
@@ -198,13 +187,8 @@ class Client:
         before: str | None = None,
         limit: int = 50,
     ) -> tuple[PartRecord, ...]:
-        """List parts, newest first.
-
-        Args:
-            text: list only parts whose serial contains this text.
-            name: list only parts whose name contains this text.
-            before: id of the last part on the previous page.
-        """
+        """List parts, newest first: those whose serial and name contain a text, older than the part with the id
+        `before`."""
         wanted = {"state": state.value if state else "", "text": text, "name": name, "before": before or ""}
         query = {key: value for key, value in wanted.items() if value}
         answer = self._send("GET", "/v1/parts", params={**query, "limit": str(limit)})

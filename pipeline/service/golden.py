@@ -24,22 +24,16 @@ GOLDEN, OVERDUE = "golden", "golden_overdue"
 
 
 class GoldenPart:
-    """The golden part of a line.
-
-    * Its scans are no parts: they are in no list, no figure and no result that is sent.
-    * The first scan is the reference; so is every one that is sent as such, after whiskers were changed or set anew.
-    """
+    """The golden part of a line. Its first scan is the reference, or a later one that is sent as such (new
+    whiskers)."""
 
     def __init__(self, settings: GoldenSettings, store: Store, calls: WorkerCalls, *, line: str) -> None:
         self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line
         self._every = timedelta(hours=settings.every_h)
 
     async def measure(self, sent: Upload, *, reference: bool) -> GoldenRecord:
-        """Measure a scan, and store the result.
-
-        Raises:
-            Problem: 409 where no golden part is set up; 422 of a file that is no scan of it.
-        """
+        """Measure a scan, and store the result. Problem: 409 where no golden part is set up; 422 for a file that is no
+        scan of it."""
         if self._relief is None:
             raise Problem(
                 409, 'no golden part is set up; name its relief: relief = "golden.npz" under [service.golden]'

@@ -1,12 +1,6 @@
 """The path of a part through the service: receive, read, decide, keep, answer.
 
-    receive   files in one work folder; a request that is sent again finds its part
-    read      a worker reads the files, or feels the part pass by pass
-    decide    one state: accepted, review, touch needed, shadow
-    keep      files in the evidence folder, then one transaction: part, readings, outbox
-    answer    metrics, log, OPC UA; the stored record is both answered and published
-
-* A request is answered only after its part is on the disk.
+* A request is answered only after its part is on the disk: files in the evidence folder, then one transaction.
 * A request that fails because of a bad file or a lost machine leaves no part. Sent again with its idempotency
   key, it makes one part. A photograph that no sender would send again, of the camera or the watched folder, is a part
   for a person if it cannot be read.
@@ -84,17 +78,8 @@ class Touch(StrEnum):
 
 @dataclass(frozen=True)
 class NewPart:
-    """Data of a part beside its files.
-
-    Attributes:
-        expected: text that it should read; empty if unknown.
-        database: name of the glyph database; empty for the service's own.
-        job: name of the job that says how to read; empty for the service's own settings.
-        touch: stage or sender that feels it if the camera is unsure.
-
-    Raises:
-        HiddenCharacterError: name or expected text has hidden characters.
-    """
+    """A part beside its files; an empty database or job is the service's own. HiddenCharacterError: in name or expected
+    text."""
 
     name: str = ""
     expected: str = ""
@@ -122,19 +107,14 @@ class Intake:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
         on_review: called with every part that a person has decided, in any thread.
-        draining: the service is stopping and accepts no more parts.
-        targets: targets of results: webhook, mqtt; none in shadow mode.
+        targets: of results: webhook, mqtt; none in shadow mode.
     """
 
     def __init__(
         self, settings: ServiceSettings, *, store: Store, evidence: EvidenceFolder, calls: WorkerCalls
     ) -> None:
-        """Make stage, camera, queue and serial rules.
-
-        Raises:
-            FileError: the production order is unreadable, or a folder of stage or camera does not exist.
-            SettingsError: a driver of stage or camera does not exist.
-        """
+        """Make stage, camera, queue and serial rules. FileError, SettingsError: an order, folder or driver cannot be
+        used."""
         stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics
@@ -192,7 +172,6 @@ class Intake:
         """Read a new part.
 
         Args:
-            sent: photographs, a recording or a height map, in the request's work folder.
             call: the call that brings the part, while which it may be felt.
             keep_unreadable: if the files cannot be read, a person gets the part; otherwise the sender gets the Problem.
             unreadable: why the files cannot even be taken; a person gets the part without them.
@@ -257,11 +236,7 @@ class Intake:
         return await self.carry_out(idempotency, work)
 
     async def touch(self, part_id: str, call: TouchCall = NO_LIMIT) -> PartRecord:
-        """Release a part that lies under the whiskers: have the service's stage feel it, and read it again.
-
-        Args:
-            part_id: id of a part that waits for touch, or that was not felt and waits for review.
-            call: the call that releases it, while which it may be felt.
+        """Release a part that lies under the whiskers: the stage feels it, and it is read again.
 
         Raises:
             Problem: as in `add_scan`.
@@ -275,10 +250,8 @@ class Intake:
     async def trigger(
         self, name: str, job: str = "", *, expected: str = "", within_s: float = math.inf
     ) -> PartRecord:
-        """Photograph the part under the camera, read it with a job, and feel it if the camera is unsure.
-
-        Args:
-            within_s: seconds that the caller waits: the part may be felt that long.
+        """Photograph the part under the camera, read it with a job, and feel it within `within_s` if the camera is
+        unsure.
 
         Raises:
             Problem: as in `receive`.
@@ -309,11 +282,7 @@ class Intake:
         return await self.touch((await self.look_up(part)).id, call)
 
     async def look_up(self, part: str) -> PartRecord:
-        """The part with an id, or the latest one with a name.
-
-        Raises:
-            NotFoundError: there is none.
-        """
+        """The part with an id, or the latest one with a name. NotFoundError: there is none."""
         if is_part_id(part):
             return await asyncio.to_thread(self.store.part, part)
         return await asyncio.to_thread(self.store.latest_named, clean_name(part))
@@ -323,14 +292,8 @@ class Intake:
     ) -> Received:
         """Do the work of a request once, however often it is sent; while it is done, the same request waits for it.
 
-        The store knows what other processes did, or this one before it was restarted.
-
-        Args:
-            idempotency: key of the request; without one it is not remembered.
-            work: adds the part with the key in one transaction.
-
-        Raises:
-            Problem: the key was used for another request; whatever the work raises.
+        The store knows what other processes did, or this one before it was restarted. Problem: the key is another
+        request's.
         """
         if idempotency is None:
             return Received(await work())
@@ -433,7 +396,6 @@ class Intake:
         return decided
 
     def _in_shadow(self, part: NewPart | PartRecord) -> bool:
-        """A part that was read in shadow mode stays in it."""
         return self._settings.shadow or (isinstance(part, PartRecord) and part.shadow is not None)
 
     async def _give_up_touch(self, part: PartRecord, why: str) -> None:

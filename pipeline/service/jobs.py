@@ -1,15 +1,9 @@
 """Jobs and glyph databases: the files of two folders, by name; jobs are also written, edited as text, and taught.
 
-    jobs/housing-left.toml --checked with all files that it names--> settings for parts of job housing-left
-    box, text --> NamedLine --into the job as it is, or a new one--> settings --JobFolder.save--> housing-left.toml
-
-* A file is checked whenever its job is named, so jobs can be added, changed and removed while the service
-  runs. A file that was there within the last hour may come back: until then, requests that name it are asked
-  to retry.
-* A job that cannot be used affects only its own parts: their requests are asked to retry. If the file of a
-  working job becomes unusable, the job keeps its previous settings. The log and the list say so.
-* Jobs that are added or changed while the service runs are checked by a worker process, within its limits.
-* Without a name, parts are read by the service's own settings.
+* A file is checked whenever its job is named, by a worker within its limits, so jobs can change while the service runs.
+* A file that was there within the last hour may come back: requests that name it are asked to retry until then.
+* A job that cannot be used affects only its own parts. One that worked before keeps its former settings, and the log
+  and the list say so.
 * Jobs are shown and edited without paths of the service's machine.
 """
 
@@ -48,19 +42,9 @@ log = structlog.get_logger("tactile-marks")
 
 
 class RecentFiles:
-    """The files of one folder with one suffix, without hidden ones.
-
-    Attributes:
-        needed: name of one that the settings name.
-    """
+    """The files of one folder with one suffix, without hidden ones; `needed` is one that the settings name."""
 
     def __init__(self, folder: Path, suffix: str, what: str, *, needed: str = "") -> None:
-        """Args:
-        folder: folder of the files; it need not exist.
-        suffix: suffix of their names.
-        what: noun for messages.
-        needed: name of one that the settings name: if it is away, it is expected to come back.
-        """
         self.folder, self._suffix, self._what, self.needed = folder, suffix, what, needed
         self._seen_s: dict[str, float] = {}
 
@@ -76,12 +60,7 @@ class RecentFiles:
         return files
 
     def find(self, name: str) -> Path:
-        """The file of a name.
-
-        Raises:
-            OwnProblem: it was there lately, and is away.
-            Problem: there is none.
-        """
+        """The file of a name. OwnProblem: it was there lately, and is away. Problem: there is none."""
         files = self.files()
         if name in files:
             return files[name]
@@ -110,13 +89,7 @@ class GlyphDatabases(RecentFiles):
     """Glyph databases by name; looked up on every use, so that one may be added while the service runs."""
 
     def __init__(self, folder: Path, *, default: Path | None = None) -> None:
-        """Args:
-            folder: folder of the files; it need not exist.
-            default: database of parts that name none; None for the built-in fonts.
-
-        Raises:
-            SettingsError: there is no such default.
-        """
+        """SettingsError: the database of parts that name none is not there."""
         super().__init__(folder, ".glyphs", "glyph database")
         self._default = default
         if default is not None and not default.is_file():
@@ -135,7 +108,7 @@ class JobAnswer:
     """A job in the list.
 
     Attributes:
-        settings: reading settings as its file states them; files by name only, a glyph database as requests name it.
+        settings: of reading, as its file states them; files by name only, a glyph database as requests name it.
         problem: why the file cannot be used as it is now; empty if it can.
     """
 
@@ -146,8 +119,6 @@ class JobAnswer:
 
 @dataclass(frozen=True)
 class _Known:
-    """A file at its last check; the job is from the last check that found a usable one."""
-
     state: FileStamp
     job: JobFile | None
     watch: DriftWatch | None
@@ -178,7 +149,6 @@ class JobFolder(RecentFiles):
         """Check every job in the folder.
 
         Args:
-            folder: folder of the files; it need not exist.
             databases: glyph databases that a job may name (default: those in the jobs' folder).
             needed: job that the service's own settings name; a missing file of it is expected to come back.
             call: calls a function in a worker (default: in this process).
@@ -199,12 +169,8 @@ class JobFolder(RecentFiles):
         self.call = call
 
     def settings(self, name: str) -> ReadSettings:
-        """Reading settings of a job.
-
-        Raises:
-            OwnProblem: its file is missing or cannot be used.
-            Problem: no job has that name.
-        """
+        """Reading settings of a job. OwnProblem: its file is missing or cannot be used. Problem: no job has that
+        name."""
         return self._job(name).settings
 
     def watch(self, name: str) -> DriftWatch | None:
@@ -236,22 +202,15 @@ class JobFolder(RecentFiles):
         ]
 
     def answer(self, name: str) -> JobAnswer:
-        """A job in the list.
-
-        Raises:
-            Problem: 404, there is none.
-        """
+        """A job in the list. Problem: 404, there is none."""
         jobs = {job.name: job for job in self.listed()}
         if name not in jobs:
             raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
         return jobs[name]
 
     def written(self, name: str) -> dict[str, Any] | None:
-        """Content of a job's file, with lines as `ReadSettings.line`; None if there is no file.
-
-        Raises:
-            Problem: the file cannot be used.
-        """
+        """Content of a job's file, with lines as `ReadSettings.line`; None without a file. Problem: the file cannot be
+        used."""
         if name not in self.files():
             return None
         job = self._job(name)
@@ -291,12 +250,8 @@ class JobFolder(RecentFiles):
         return new
 
     def delete(self, name: str) -> None:
-        """Delete a job.
-
-        Raises:
-            Problem: 404, it does not exist; 409, the watched folder uses it.
-            OSError: its file cannot be removed.
-        """
+        """Delete a job. Problem: 404 without one, 409 if the watched folder uses it. OSError: its file cannot be
+        removed."""
         path = self.files().get(name)
         if path is None:
             raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
@@ -368,11 +323,8 @@ def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, D
 
 
 def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
-    """Convert requested settings to those of a job's file.
-
-    Raises:
-        Problem: invalid settings, or settings that name a file of the service's machine.
-    """
+    """Convert requested settings to those of a job's file. Problem: invalid settings, or a file of the service's
+    machine."""
     if not isinstance(body, dict):
         raise Problem(422, "the body is not a JSON object of settings")
     try:
@@ -390,11 +342,8 @@ def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
 
 
 def text_to_edit(jobs: JobFolder, name: str) -> str:
-    """The settings of a job, with file names without paths; empty if its file cannot be used.
-
-    Raises:
-        Problem: 404, there is no such job.
-    """
+    """The settings of a job as text, files without paths; empty if its file cannot be used. Problem: 404, no such
+    job."""
     try:
         written = jobs.written(name)
     except Problem:
@@ -405,11 +354,8 @@ def text_to_edit(jobs: JobFolder, name: str) -> str:
 
 
 def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
-    """Save the text of a job; files that it already names may stay.
-
-    Raises:
-        Problem: no such job, one that has changed meanwhile, invalid settings.
-    """
+    """Save the text of a job; files that it already names may stay. Problem: no such job, changed meanwhile, or
+    invalid."""
     with jobs.lock:
         if text_to_edit(jobs, name) != before:
             raise Problem(409, f"the job {name} has changed meanwhile; load the page again")

@@ -35,14 +35,9 @@ class ServiceProcess:
 
 @contextlib.contextmanager
 def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
-    """Start `tactile-marks serve` on a free port of this machine; on leaving, ask it to end, then kill it.
+    """Start `tactile-marks serve` on a free port; on leaving, end it. NotServingError: it is not ready to read in time.
 
-    Args:
-        folder: folder of the service, with its log in `service.log`.
-        options: options of `serve`.
-
-    Raises:
-        NotServingError: the service is not ready to read parts in time.
+    Its log is `service.log` in the folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log, until = folder / "service.log", time.monotonic() + START_PATIENCE_S

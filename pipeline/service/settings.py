@@ -6,9 +6,6 @@ tactile-marks.toml      [service]                       (beside the settings of 
                         url = "mqtt://broker:1883"
 environment             TACTILE_MARKS_SERVICE_PORT=8417, TACTILE_MARKS_SERVICE_MQTT_URL=mqtt://broker:1883
 flags                   serve --port 8417 --mqtt.url mqtt://broker:1883
-
-Every setting has a default that works on one machine. A first deployment sets five: `format`, `folder`, `watch.folder`,
-`mqtt.url` (or another output) and `host` (docs: tutorials/line).
 """
 
 from __future__ import annotations
@@ -44,11 +41,7 @@ def _address(value: str) -> str:
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """Host and port of an address to listen on: PORT, on this machine only, or HOST:PORT.
-
-    Raises:
-        ValueError: it is neither.
-    """
+    """Host and port of an address to listen on: PORT, on this machine only, or HOST:PORT. ValueError: it is neither."""
     wanted = ValueError(
         "it is not a port; write 8418, or 192.168.7.10:8418 for one that other machines can reach"
     )

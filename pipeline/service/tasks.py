@@ -12,12 +12,7 @@ log = structlog.get_logger("tactile-marks")
 
 
 async def repeat(what: str, work: Callable[[], Awaitable[object]], *, every_s: float) -> None:
-    """Do work again and again; a failure is logged when it begins or changes, and does not end the loop.
-
-    Args:
-        what: the work, for the log.
-        every_s: rest between the end of the work and its next beginning.
-    """
+    """Do work again and again; a failure is logged as `what` when it begins or changes, and does not end the loop."""
     failure = ""
     while True:
         try:

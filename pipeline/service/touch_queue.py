@@ -8,10 +8,8 @@
 
 * No part is felt unasked: by then another may lie there. Only a driver with `is_in_place` can say that it still does.
 * There is one attempt at a time per part; further callers get the result of that attempt.
-* A part waits until its time limit, then it is given up: no part waits for ever, whether the stage or the sender was to
-  feel it. The limit is kept in the store. After the first check the monotonic clock measures it, so a jump of the
-  system clock does not matter.
-* The log and the part's page say why a part was not felt; the history records stage faults.
+* The time limit is kept in the store; after the first check the monotonic clock measures it, so a jump of the system
+  clock does not matter. The log and the part's page say why a part was not felt.
 * Services that share a store feel only the parts of their own lines; any of them gives up any part whose time is up.
 """
 
@@ -53,7 +51,6 @@ class TouchQueue:
     Attributes:
         feel: has the stage feel a part in a call, and keeps what was read; raises Problem, StageError.
         give_up: leaves a part to a person, and says why.
-        stage: folder, bench or driver of the stage, for the log.
         knows_place: the stage can say whether a part lies under the whiskers.
     """
 
@@ -86,10 +83,8 @@ class TouchQueue:
         return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
     async def attempt(self, part: PartRecord, call: TouchCall = NO_LIMIT) -> PartRecord:
-        """Attempt to feel a part, or wait for the running attempt; return the part afterwards.
-
-        Args:
-            part: it is known to lie under the whiskers: its own call has brought it there, or it was released.
+        """Feel a part that is known to lie under the whiskers, or wait for the running attempt; return the part
+        afterwards.
 
         Raises:
             Problem, StageError: it could not be felt.

@@ -49,11 +49,7 @@ MOST_LOST = 2
 
 @dataclass
 class WorkerCalls:
-    """Functions called in the pool's workers.
-
-    Attributes:
-        jobs: settings of reading and glyph databases, by name.
-    """
+    """Functions called in the pool's workers; `jobs` are settings of reading and glyph databases, by name."""
 
     pool: WorkPool
     jobs: JobFolder
@@ -134,8 +130,7 @@ class WorkerCalls:
 
         Raises:
             StageError: nothing could be felt.
-            Problem: unusable files, a full queue, a lost worker.
-            OwnProblem: an unusable file of the service.
+            Problem: unusable files, a full queue, a lost worker; OwnProblem: an unusable file of the service.
         """
         async with self._note_fault(job, database):
             settings = await self._settings_with(database, job)
@@ -160,9 +155,7 @@ class WorkerCalls:
         raise AssertionError("no try")
 
     def call_blocking(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function that checks a job in a worker, before the parts that wait.
-
-        The calling thread waits for at most `FREE_S` and `CHECK_S`.
+        """Call a function that checks a job, before the parts that wait, for at most `FREE_S` and `CHECK_S`.
 
         Raises:
             Problem: a full queue, no worker in time, a lost worker.

@@ -42,10 +42,7 @@ def add_token(
     *,
     expires_at: datetime | None = None,
 ) -> str:
-    """Make a token.
-
-    Returns:
-        Its secret, which is kept nowhere.
+    """Make a token and return its secret, which is kept nowhere.
 
     Raises:
         ConflictError: the name was given before, perhaps spelled otherwise; a revoked token keeps its name.

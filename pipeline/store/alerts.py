@@ -47,18 +47,13 @@ def look_for_alerts(
     others: Mapping[str, str | None] = MappingProxyType({}),
     targets: Sequence[str] = (),
 ) -> tuple[AlertRecord, ...]:
-    """Raise and clear alerts that are due, and put them in the outbox.
+    """Raise and clear alerts that are due, put them in the outbox of the targets, and return those raised now.
 
     Args:
         limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
         window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
-        drifts: differences of the parts from the certified ones, by job; empty if none, None if not known
-            yet.
+        drifts: how parts differ from the certified ones, by job; empty if they do not, None if not known yet.
         others: the same for other alerts, by the alert's name.
-        targets: targets to which alerts are sent.
-
-    Returns:
-        Alerts that were raised now.
     """
     latest = tx.execute(
         sa.select(parts.c.id, parts.c.state, parts.c.rejected)

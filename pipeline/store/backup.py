@@ -49,8 +49,7 @@ class Backup:
     """A backup's manifest.
 
     Attributes:
-        made_at: time at which its rows were copied, ISO 8601.
-        sha256: SHA-256 of its store.db; kept elsewhere, it shows whether a backup was changed.
+        sha256: of its store.db; kept elsewhere, it shows whether a backup was changed.
         last_delivery: highest number that any delivery has had.
         files, n_bytes: number and bytes of evidence files.
         lost: hashes of files that were missing or damaged when it was made.
@@ -67,10 +66,7 @@ class Backup:
 
 
 def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
-    """Copy a store and its files into a new folder; the service may run.
-
-    Args:
-        to: the folder, not there yet.
+    """Copy a store and its files into a folder that is not there yet; the service may run.
 
     Raises:
         FileError: the folder is there already, is being written by another, or cannot be written.
@@ -124,12 +120,8 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
 
 @contextlib.contextmanager
 def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
-    """A backup's manifest and an upgraded copy of its store; the backup itself stays unchanged.
-
-    Raises:
-        FileError: it is no backup, or damaged.
-        StoreError: its version is not known.
-    """
+    """A backup's manifest and an upgraded copy of its store. FileError, StoreError: it is damaged, or of an unknown
+    version."""
     manifest = read_manifest(backup)
     with file_errors(backup):
         if file_sha256(backup / _STORE) != manifest.sha256:
@@ -198,7 +190,6 @@ def _take_all(
     *,
     live: Store | None = None,
 ) -> tuple[int, int, list[str]]:
-    """Copy every file that a store names; return their number, bytes, and the hashes of unavailable ones."""
     n_files, n_bytes, lost = 0, 0, list[str]()
     for sha256 in copied.every_needed_hash():
         if files.take(sha256, source) is FileState.WHOLE:

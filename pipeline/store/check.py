@@ -89,11 +89,7 @@ class CheckReport:
 
 
 def check(store: Store, files: EvidenceFolder, *, read_files: bool = True) -> CheckReport:
-    """Check a store and its files.
-
-    Args:
-        read_files: compare what they hold with their hashes; else only see whether they are there.
-    """
+    """Check a store and its files: whether they are there or, with `read_files`, what they hold."""
     report = CheckReport()
     _check_database(store, report)
     _check_parts(store, report)
@@ -154,7 +150,6 @@ def _by_part(tx: Transaction, rows: Sequence[AnyRow], *tables: sa.Table) -> dict
 
 
 def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[str]:
-    """Columns of a part's row that do not match the values derived from its record and its events."""
     wrong = [name for name, value in search_columns(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}
     received = last.get("received", {})

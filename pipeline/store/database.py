@@ -54,11 +54,7 @@ class JsonText(str):
 
 
 def json_text(value: Any) -> JsonText:
-    """Write a value as JSON, once: characters that databases cannot hold are replaced.
-
-    Raises:
-        UnfitError: it cannot be written as JSON.
-    """
+    """Write a value as JSON, once; characters that databases cannot hold are replaced. UnfitError: it is no JSON."""
     if isinstance(value, JsonText):
         return value
     dumps = functools.partial(json.dumps, allow_nan=False, separators=(",", ":"))
@@ -72,11 +68,7 @@ def json_text(value: Any) -> JsonText:
 
 @dataclass(frozen=True)
 class Transaction:
-    """One transaction of the store.
-
-    Attributes:
-        now: time of all that the operation writes, in UTC.
-    """
+    """One transaction of the store; `now` is the time of all that it writes, in UTC."""
 
     connection: Connection
     now: datetime
@@ -109,16 +101,12 @@ def utc_now() -> datetime:
 
 
 class Database:
-    """A database that has the tables of this version.
+    """A database that has the tables of this version; threads may share it.
 
     * All that a read transaction sees is of one moment. A write transaction is on the disk when its block has
       ended, and undone where the block raises.
     * SQLite: one writer at a time; threads queue here, processes at the file's own lock.
-    * Threads may share it; a connection belongs to one transaction at a time.
     * While PostgreSQL does not answer, one transaction at a time waits for it, and the others are refused.
-
-    Attributes:
-        write_failed: whether the database has failed the last write.
     """
 
     def __init__(self, engine: Engine, shown: str, now: Callable[[], datetime]) -> None:
@@ -131,11 +119,9 @@ class Database:
 
     @classmethod
     def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Self:
-        """Open a database and bring its tables up to date.
+        """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date.
 
         Args:
-            url: sqlite:///file.db or postgresql://user:password@host/name.
-            now: the clock.
             as_it_is: neither make it nor bring it up to date.
 
         Raises:
@@ -161,11 +147,7 @@ class Database:
 
     @contextlib.contextmanager
     def read_transaction(self) -> Iterator[Transaction]:
-        """Begin a transaction that changes nothing.
-
-        Raises:
-            StoreError: the database cannot be reached.
-        """
+        """Begin a transaction that changes nothing. StoreError: the database cannot be reached."""
         # SQLite's transactions see one moment anyway
         options = {"isolation_level": "REPEATABLE READ"} if self._writer is None else {}
         with _store_errors(self.shown), self._connect() as connection:
@@ -173,11 +155,8 @@ class Database:
 
     @contextlib.contextmanager
     def write_transaction(self) -> Iterator[Transaction]:
-        """Begin a transaction that is committed at the end of the block, and rolled back if it raises.
-
-        Raises:
-            StoreError: the database cannot be reached, or is busy for too long.
-        """
+        """Begin a transaction that the end of the block commits and an exception rolls back. StoreError: no answer in
+        time."""
         try:
             with self._write_transaction() as tx:
                 yield tx

@@ -41,12 +41,8 @@ class ClaimedError(ConflictError):
 
 
 class AlreadyDoneError(ConflictError):
-    """The request with this idempotency key was carried out before, or meanwhile by another.
-
-    Attributes:
-        part_id: part that it created.
-        fingerprint: fingerprint of the request that was carried out.
-    """
+    """The request with this idempotency key has made a part before, or another meanwhile; `fingerprint` is of that
+    request."""
 
     def __init__(self, part_id: str, fingerprint: str) -> None:
         super().__init__(f"this idempotency key has made part {part_id} already", hint="ask for that part")
@@ -61,11 +57,7 @@ class UnfitError(StoreError):
 
 
 def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:
-    """The text, if it can be stored.
-
-    Raises:
-        UnfitError: it is too long, or has characters that no database holds.
-    """
+    """The text, if it can be stored. UnfitError: it is too long, or has characters that no database holds."""
     if len(text) > limit:
         raise UnfitError(f"{what} has {len(text)} characters", hint=f"give at most {limit}")
     if _UNFIT.search(text):

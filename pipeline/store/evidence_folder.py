@@ -61,18 +61,11 @@ class FileState(StrEnum):
 
 
 class EvidenceFolder:
-    """A folder of files named by the hash of their content.
-
-    Attributes:
-        incoming: folder for uploads and work files, on the same disk.
-    """
+    """A folder of files named by the hash of their content; `incoming` is for uploads and work files, on the same
+    disk."""
 
     def __init__(self, root: Path) -> None:
-        """Make the folder if it is missing.
-
-        Raises:
-            FileError: it cannot be made.
-        """
+        """Make the folder if it is missing. FileError: it cannot be made."""
         self.root = root
         self.incoming = root / "incoming"
         self._files = root / "files"
@@ -85,11 +78,8 @@ class EvidenceFolder:
         self._synced: set[Path] = set()
 
     def check_is_that_of(self, store: Store) -> None:
-        """Refuse a folder other than that of the services that share a store.
-
-        Raises:
-            FileError: the store's files are in another one.
-        """
+        """Check that it is the folder of all services that share the store. FileError: the store's files are in another
+        one."""
         file = self.root / "identity"
         with file_errors(file), exclusively(self._lock):
             if not file.exists():
@@ -106,14 +96,11 @@ class EvidenceFolder:
             )
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
-        """Move a file into the folder; the same content is stored once. After the return it survives a power cut.
-
-        Args:
-            path: the file, no link, in `incoming`.
-            sha256: hash of its content, if the writer knows it (default: computed).
+        """Move a file of `incoming` into the folder; the same content is stored once. Afterwards it survives a power
+        cut.
 
         Returns:
-            Its SHA-256 in hexadecimal, and its length in bytes.
+            Its SHA-256 in hexadecimal (computed if not given), and its length in bytes.
 
         Raises:
             FileError: it cannot be read or kept.
@@ -152,11 +139,7 @@ class EvidenceFolder:
                 Path(name).unlink(missing_ok=True)
 
     def path(self, sha256: str) -> Path:
-        """Path for the file with that hash, whether it exists or not.
-
-        Raises:
-            ValueError: no hash.
-        """
+        """Path for the file with that hash, whether it exists or not. ValueError: no hash."""
         if _HASH.fullmatch(sha256) is None:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
@@ -183,14 +166,8 @@ class EvidenceFolder:
         return tuple(paths)
 
     def take(self, sha256: str, other: EvidenceFolder) -> FileState:
-        """Copy a file from another folder; the caller then flushes the disk (`os.sync`).
-
-        Returns:
-            The file's state here, or its state in the other folder if it cannot be taken.
-
-        Raises:
-            FileError: it cannot be written.
-        """
+        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`).
+        FileError: disk."""
         target = self.path(sha256)
         if self.state(sha256) is FileState.WHOLE:
             return FileState.WHOLE
@@ -208,11 +185,8 @@ class EvidenceFolder:
         return state
 
     def check_room(self) -> None:
-        """Check that files can be kept: one is written, synced and removed, and the disk has some room beyond it.
-
-        Raises:
-            FileError: they cannot, and why.
-        """
+        """Check that a file can be written, synced and removed, with some room beyond it. FileError: it cannot, and
+        why."""
         with file_errors(self.root):
             if shutil.disk_usage(self.incoming).free < LEAST_ROOM_BYTES:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -222,23 +196,15 @@ class EvidenceFolder:
                 os.fsync(probe.fileno())
 
     def new_work_folder(self) -> Path:
-        """Make a new folder in `incoming` for one request; the caller removes it.
-
-        Raises:
-            FileError: it cannot be made.
-        """
+        """Make a new folder in `incoming` for one request; the caller removes it. FileError: it cannot be made."""
         with file_errors(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
-        """Remove leftovers of a crash: files that no part needs, and everything in `incoming`.
+        """Remove leftovers of a crash: files that no part of the store needs, and everything in `incoming`; return
+        their number.
 
-        Args:
-            store: store that knows which files parts need; it is queried for some of them at a time.
-            older_than_s: least age of a deleted file; younger ones may still be written.
-
-        Returns:
-            How many files were removed.
+        Files younger than `older_than_s` stay: they may still be written.
         """
         latest_s = time.time() - older_than_s
         n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
@@ -303,7 +269,6 @@ class SweepClock:
 
     Attributes:
         file: its own time is that of the last sweep; it need not be there.
-        wall_s, monotonic_s: clocks.
         trouble: why nothing is swept, without paths; empty if sweeping is allowed.
     """
 
@@ -314,13 +279,9 @@ class SweepClock:
     _before: tuple[float, float] | None = field(default=None, init=False)
 
     def may_sweep(self, newest: datetime | None) -> bool:
-        """Whether to sweep now; if so, the time is recorded as that of the last sweep.
+        """Whether to sweep now; if so, the time is recorded. OSError: it cannot be.
 
-        Args:
-            newest: time of the latest part, by which the clock is judged before the first sweep.
-
-        Raises:
-            OSError: the file cannot be written.
+        Before the first sweep the clock is judged by `newest`, the time of the latest part.
         """
         now_s = self.wall_s()
         before, self._before = self._before, (now_s, self.monotonic_s())

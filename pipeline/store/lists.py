@@ -50,16 +50,13 @@ def find_parts(
     before: str | None = None,
     limit: int = 50,
 ) -> tuple[PartRecord, ...]:
-    """Parts, newest first.
+    """Parts, newest first, before the part with the id `before`; texts and names are parts of a word, in either case.
 
     Args:
         agreement: with the line's own reader, of parts read in shadow mode.
         would_be: state that they would have outside shadow mode.
-        text: text that their serial contains, in upper or lower case.
-        name: text that their name contains, in upper or lower case.
-        whole_name: whether it is the whole name.
+        whole_name: the name is the whole one.
         until: time from which on they are not wanted.
-        before: id of the last part of the page before.
     """
     same = {"state": state, "agreement": agreement, "would_be": would_be, "job": job, "line": line}
     wanted = [parts.c[column] == fit(value, "what is sought") for column, value in same.items() if value]
@@ -100,7 +97,6 @@ def next_in_queue(
     """The oldest part to review after that one, otherwise the oldest, otherwise None.
 
     Args:
-        after: id of the part before.
         person: the reader; parts that another person has open or that need another reader are skipped.
         audits: parts to be audited, not those to be reviewed.
     """
@@ -124,11 +120,8 @@ def _awaits(audits: bool) -> sa.ColumnElement[bool]:
 
 
 def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> Statistics:
-    """Figures of the parts received, and the readings made, since a time; `step` of the trend is HOUR or DAY.
-
-    Raises:
-        UnfitError: the time has no zone, or is more than ten years ago.
-    """
+    """Figures of parts and readings since a time, with a trend by HOUR or DAY. UnfitError: no zone, or over ten years
+    ago."""
     if since.tzinfo is None or tx.now - since > _LONGEST:
         raise UnfitError("statistics cannot begin there", hint="give a time with its zone, not ten years ago")
     since, n = since.astimezone(UTC), sa.func.count()
@@ -160,13 +153,8 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
 
 
 def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ...]:
-    """Agreement with the line's own reader by day, of parts received in shadow mode since a time.
-
-    Days without any are left out.
-
-    Raises:
-        UnfitError: the time has no zone.
-    """
+    """Agreement with the line's own reader by day, of parts in shadow mode since a time. UnfitError: the time has no
+    zone."""
     if since.tzinfo is None:
         raise UnfitError("agreement cannot begin there", hint="give a time with its zone")
     kind, n = parts.c.agreement, sa.func.count()

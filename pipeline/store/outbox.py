@@ -1,8 +1,4 @@
-"""Results waiting to be published: written with the part, removed when the receiver has them.
-
-waiting --lease--> leased by one dispatcher --delivered--> removed
-   ^                       |
-   +--release, postpone----+      postponed, it is due later; when its lease runs out, it is as released
+"""Results waiting to be published: written with the part, leased by one dispatcher, removed when the receiver has them.
 
 No delivery waits because a clock was set back: one that was never tried is always due, and none is postponed for longer
 than `LONGEST_WAIT_S`.
@@ -42,14 +38,10 @@ def put_in_outbox(
 def lease(
     tx: Transaction, owner: str, target: str, *, lease_s: float, limit: int = 100
 ) -> tuple[Delivery, ...]:
-    """Lease the deliveries to send now, untried ones first; until the lease ends only the owner sends them.
+    """Lease the deliveries to send now, untried ones first; for `lease_s` only the owner, one dispatcher, sends them.
 
     Only the oldest of each part and target is given, so that order is kept, also among services that share the store.
     An owner gets its own leased deliveries again, and those of others once their lease is over.
-
-    Args:
-        owner: name of a dispatcher that no other has.
-        lease_s: time for which the others leave it alone, at most `LONGEST_LEASE_S`.
     """
     # services on different machines share the database's clock; theirs may differ by more than a lease
     now = tx.execute(sa.select(sa.func.now())).scalar_one() if tx.postgresql else tx.now
@@ -86,10 +78,7 @@ def delivered(tx: Transaction, delivery_id: int) -> None:
 
 
 def postpone(tx: Transaction, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
-    """Record that a result has not arrived, and when to send it again, after at most `LONGEST_WAIT_S`.
-
-    Nothing happens where its lease is another's by now.
-    """
+    """Record that a result has not arrived, and when to send it again, unless its lease is another's by now."""
     later = {
         "attempts": outbox.c.attempts + 1,
         "error": cleaned(error)[:_MAX_ERROR],

@@ -1,12 +1,9 @@
 """Writes of a part, each in one transaction: received, read, waiting for touch, noted.
 
-received --camera is unsure--> touch_needed --felt, or a scan is sent-----> accepted, review     (`add_readings`)
-                                           \\-not felt until its time-----> review               (`give_up_touch`)
-
 Idempotency keys: a request that is sent again, or a run that is given again, is carried out once.
 
-* A key is written in the transaction that writes the part it made: both are there, or neither.
-* Of requests with one key that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
+* A key is written in the transaction that writes the part it made: both are there, or neither. Of requests with one key
+  that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
 * A key stands for one request: a fingerprint of the request is kept with it, and the caller compares.
 * Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of files
   are kept as long as `renew_keys` finds the files, and a while longer; keys of runs are kept for ever.
@@ -68,7 +65,7 @@ class Added(TypedDict, total=False):
     """Data added to a part in one transaction.
 
     Attributes:
-        readings: the first one first; the last one counts.
+        readings: the last one counts.
         plan: plan to scan; with a reading by touch it says that the part was scanned because of it.
         touch: way in which a new part waits, with TOUCH_NEEDED.
         not_felt: reason why a new part is not felt though the camera is unsure.
@@ -102,16 +99,8 @@ def add_part(
     line: str = "",
     **added: Unpack[Added],
 ) -> PartRecord:
-    """Add a part with its readings.
-
-    Args:
-        part_id: number from `pipeline.common.part_id.new_part_id`.
-        added: readings and all that comes with them, as `Added`.
-
-    Raises:
-        AlreadyDoneError: the key is taken.
-        ConflictError: the id is taken.
-    """
+    """Add a part, with an id of `new_part_id`, and its readings. AlreadyDoneError, ConflictError: key or id is
+    taken."""
     if not is_part_id(part_id):
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
     received: dict[str, Any] = {
@@ -138,12 +127,8 @@ def add_part(
 
 
 def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
-    """Add later readings of a part; arguments as in `Added`.
-
-    Raises:
-        AlreadyDoneError: the key is taken.
-        ConflictError: the part was reviewed meanwhile.
-    """
+    """Add later readings of a part. AlreadyDoneError: the key is taken. ConflictError: the part was reviewed
+    meanwhile."""
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
     _claim_key(tx, added.get("idempotency"), part_id)
@@ -231,11 +216,7 @@ def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waitin
 
 
 def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
-    """Send a part that was not felt to review; it keeps its plan, and a scan may still be sent.
-
-    Raises:
-        ConflictError: it does not wait for touch.
-    """
+    """Send a part that was not felt to review; a scan may still be sent. ConflictError: it does not wait for touch."""
     part = part_by_id(tx, part_id, lock=True)
     if part.state is not PartState.TOUCH_NEEDED:
         what = f"the part {part_id} does not wait for touch; it is {part.state.value}"
@@ -264,12 +245,8 @@ class IdempotencyKey:
 
     @classmethod
     def of_run(cls, run: str, part: str, digest: str) -> IdempotencyKey:
-        """The key of a part of a run.
-
-        Args:
-            run: hash of what the run's readings depend on.
-            digest: SHA-256 of what its files hold.
-        """
+        """The key of a part of a run: `run` hashes what all its readings depend on, `digest` what the part's files
+        hold."""
         return cls(f"run {run} {digest} {part}", f"{_KEPT}{digest}")
 
     @classmethod
@@ -305,12 +282,8 @@ def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> 
 
 
 def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | None = None) -> int:
-    """Delete idempotency keys; return their number.
-
-    Args:
-        before: time before which keys of requests are deleted.
-        files_before: time before which keys of files were last renewed that are deleted; None: none of them.
-    """
+    """Delete the keys of requests from before a time, and those of files renewed before another; return their
+    number."""
     old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_KEPT}%"))
     if files_before is not None:
         old = sa.or_(old, sa.and_(keys.c.at < files_before, keys.c.fingerprint == _OF_FILES))
@@ -337,19 +310,14 @@ def _hash(key: str) -> str:
 
 
 def lock_serials(tx: Transaction, rules: SerialRules) -> None:
-    """Let one transaction at a time check serials, if there are rules; call it before a part is locked, or two
-    transactions may wait for each other."""
+    """Let one transaction at a time check serials. Call it before a part is locked, or two may wait for each other."""
     if rules.any and tx.postgresql:
         tx.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
 
 
 def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[Objection, ...]:
-    """Objections to the serial of a part that was read with certainty.
-
-    Args:
-        tx: the transaction that writes the part.
-        part: the part with its serial; a part read again under the same name is not a duplicate.
-    """
+    """Objections to the serial of a part that was read with certainty; one read again under its name is no
+    duplicate."""
     possible = [rules.by_order(part.text)]
     if rules.duplicates:
         possible.append(_read_before(tx, part))

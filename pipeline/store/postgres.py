@@ -35,20 +35,13 @@ T = TypeVar("T")
 
 
 class PatientConnection(psycopg.Connection[tuple[Any, ...]]):
-    """A connection that is closed when the server has been silent for too long.
-
-    Attributes:
-        silent_s: longest wait for a sign of life, s; None: as long as it takes.
-    """
+    """A connection that is closed when the server has been silent for `silent_s`; None: as long as it takes."""
 
     silent_s: float | None = None
 
     def wait(self, gen: PQGen[T], *arguments: Any, **options: Any) -> T:
-        """Carry out a conversation with the server.
-
-        Raises:
-            psycopg.OperationalError: the server is silent; the connection is closed.
-        """
+        """Carry out a conversation with the server. psycopg.OperationalError: it is silent; the connection is
+        closed."""
         bounded = gen if self.silent_s is None else self._end_if_silent(gen, self.silent_s)
         return super().wait(bounded, *arguments, **options)
 

@@ -58,14 +58,7 @@ _RIGHT, _WRONG, _DISPUTED, _NOT_JUDGED = "right", "wrong", "disputed", "not judg
 
 
 def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool = False) -> ClaimRecord:
-    """Claim a part, or renew a claim; if another person has claimed it, return that claim.
-
-    Args:
-        take_over: take the part over from another person, after checking that it is not being worked on.
-
-    Returns:
-        The present claim on the part.
-    """
+    """Claim a part, or renew a claim; return the present claim, which may be another's unless it is taken over."""
     part_by_id(tx, part_id, lock=True)
     values = {
         "claim_holder": fit(person.holder, "the holder of a claim", limit=300),
@@ -126,10 +119,8 @@ def review(
     With two readers a part is reviewed when two people agree; until then it waits for review, its text as it was read.
 
     Args:
-        action: action of the person; an unreadable part has no text, whatever is given.
         text: the correct text; to confirm, the present text or an empty one.
         before: the text that the person saw.
-        targets: targets to which the part is published, once it is reviewed.
         readers: number of people that must agree, 1 or 2.
         audit: the person has not seen the accepted text; the part goes to review only if the two texts differ.
 
@@ -169,12 +160,7 @@ def review(
 
 
 def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
-    """Undo a person's own review: the part waits for review again, with the text that it had before.
-
-    The review stays in the part's history.
-
-    Args:
-        targets: targets to which the part is published.
+    """Undo a person's own review, which stays in the history: the part waits for review with its earlier text.
 
     Raises:
         ConflictError: the part is not reviewed, or was reviewed by another person.

@@ -27,11 +27,7 @@ READ, REVIEWED, HALF_REVIEWED, AUDITED = "read", "reviewed", "read_by_person", "
 
 
 def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartRecord:
-    """Read a part.
-
-    Args:
-        lock: lock the part against other writers until the transaction ends.
-    """
+    """Read a part, and lock it against other writers if wanted."""
     query = sa.select(parts.c.record).where(parts.c.id == _checked(part_id))
     record = tx.execute(query.with_for_update() if lock else query).one_or_none()
     if record is None:
@@ -70,7 +66,6 @@ def search_columns(part: PartRecord) -> dict[str, Any]:
 
 
 def _how_right(part: PartRecord) -> dict[str, Any]:
-    """After review: whether the reading was right, the number of characters, and of right ones."""
     answer = part.review if part.state is PartState.REVIEWED else None
     if answer is None:
         return {"was_right": None, "characters": None, "characters_right": None}
@@ -94,17 +89,11 @@ def write_part(
     new: bool = False,
     figures: Mapping[str, Any] = MappingProxyType({}),
 ) -> PartRecord:
-    """Write a part and its new events, and queue it for sending.
+    """Write a part and its events, and queue it for its targets (not in shadow mode); return it as it is stored.
 
     Args:
         tx: the transaction; it has the part locked unless it is new.
-        happened: in order.
-        targets: targets to publish to; a part that was read in shadow mode is never published.
-        new: insert it.
         figures: columns that do not follow from its record.
-
-    Returns:
-        The part as it is stored: characters that no database holds are replaced.
 
     Raises:
         ConflictError: it is not new.

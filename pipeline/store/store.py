@@ -45,13 +45,11 @@ def _method(
 
 
 class Store(Database):
-    """Parts and all that belongs to them.
+    """Parts and all that belongs to them; events of a part are added, never changed.
 
-    * Every method is one transaction. When a writing method returns, its changes are on the disk; if it raises, nothing
-      has changed.
-    * Events of a part are added, never changed.
-    * Every method raises StoreError if the database does not answer, UnfitError (a StoreError) for values that cannot
-      be stored, and NotFoundError for parts and tokens that do not exist.
+    Every method is one transaction: when a writing one returns, its changes are on the disk; if it raises, nothing has
+    changed. StoreError: the database does not answer. UnfitError (a StoreError): a value cannot be stored.
+    NotFoundError: no such part or token.
     """
 
     # parts, and what has happened to them
@@ -114,10 +112,8 @@ class Store(Database):
     needed_after = _reads(rows.needed_after)
 
     def expire_evidence(self, before: datetime) -> int:
-        """Record that files from before a time are no longer kept, for parts in any state; return their number.
-
-        The next `EvidenceFolder.sweep` removes those that no part needs.
-        """
+        """Record that files from before a time are no longer kept; return their number. The next `sweep` removes
+        them."""
         n = 0
         while batch := self.evidence_before(before):
             for part_id, sha256 in batch:

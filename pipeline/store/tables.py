@@ -1,13 +1,5 @@
-"""The tables of the store.
-
-    parts ---< events     (read, reviewed, ...: only added to)
-          ---< evidence   (files, each named by its hash)
-          ---< outbox     (results that wait to be sent)
-          ---< idempotency, alerts
-    golden, tokens, sessions
-
-A part's row holds its record as JSON, as it is answered and published, and the columns that lists and figures search.
-"""
+"""The tables of the store. A part's row holds its record as JSON, as it is answered and published, and columns to
+search."""
 
 from __future__ import annotations
 

@@ -46,10 +46,7 @@ class ClusterExecutor(Executor):
     remote = True
 
     def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
-        """Args:
-        address: address of the scheduler, such as tcp://scheduler:8786.
-        patience_s: longest time without any worker.
-        """
+        """`patience_s`: longest time without any worker."""
         self.address, self.patience_s = address, patience_s
         self.workers = 0
 
@@ -239,11 +236,7 @@ def _other_program(worker: str) -> str:
 
 
 def require_distributed() -> None:
-    """Check that the library is installed.
-
-    Raises:
-        MissingExtraError: the extra `cluster` is not installed.
-    """
+    """Check that the library is installed. MissingExtraError: the extra `cluster` is not."""
     if find_spec("distributed") is None:
         raise MissingExtraError("a cluster", "distributed", "cluster")
 

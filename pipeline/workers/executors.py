@@ -1,11 +1,7 @@
 """Call a function for many tasks: in this process, in processes of this machine, or on a Dask cluster.
 
-    tasks (drawn as needed) --> Executor.calls --> outcomes (as tasks finish)
-
-* Every task has one outcome: its result, its exception, or WorkerLostError.
-* Only few tasks are drawn ahead, so there may be any number of them.
-* A task that loses its worker is tried once more, by itself, after the others; if it loses that one, too, it is given
-  up.
+* Every task has one outcome: its result, its exception, or WorkerLostError. Few tasks are drawn ahead.
+* A task that loses its worker is tried once more, by itself, after the others, and then given up.
 """
 
 from __future__ import annotations
@@ -36,11 +32,11 @@ class WorkerLostError(MarksError):
     """The worker of a task ended before the task did.
 
     Attributes:
-        timed_out: whether the task exceeded its time limit; another try would hardly help.
-        starved: whether the worker got little of a core until then, so that another try may help.
-        crashed: whether the worker crashed, rather than being killed from outside.
-        unstarted: whether no worker has begun the task, because none can start.
-        tried: whether the task was retried already; another try is useful only if others were lost with it.
+        timed_out: the task exceeded its time limit; another try would hardly help.
+        starved: the worker got little of a core until then, so that another try may help.
+        crashed: the worker crashed, rather than being killed from outside.
+        unstarted: no worker has begun the task, because none can start.
+        tried: the task was retried already; another try is useful only if others were lost with it.
     """
 
     is_usage = False
@@ -82,11 +78,8 @@ class Executor:
     remote = False
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """Yield the outcome of function(order, task) for every task as it finishes, in any order.
-
-        Raises:
-            ClusterError: the cluster is lost.
-        """
+        """Yield the outcome of function(order, task) for every task as it finishes, in any order. ClusterError: it is
+        lost."""
         waiting, shared = iter(tasks), self._shared(order)
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         held: dict[Any, T] = {}
@@ -151,11 +144,7 @@ class Executor:
 
 
 def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
-    """Yield function(task) of every task, in the order of the tasks.
-
-    Raises:
-        Exception: exception of the function, or WorkerLostError.
-    """
+    """Yield function(task) in the order of the tasks; raises the function's exception, or WorkerLostError."""
     done: dict[int, Any] = {}
     following = 0
     for outcome in executor.calls(_call, function, enumerate(tasks)):

@@ -36,11 +36,7 @@ def interrupts_noted() -> Iterator[None]:
 
 
 def raise_interrupt() -> None:
-    """Raise a recorded interrupt.
-
-    Raises:
-        KeyboardInterrupt: there was one.
-    """
+    """Raise a KeyboardInterrupt that was recorded."""
     if _SEEN.is_set():
         raise KeyboardInterrupt
 

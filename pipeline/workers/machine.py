@@ -31,11 +31,7 @@ class Machine:
 
     @classmethod
     def of(cls, workers: int, memory_mb: int | None = None) -> Machine:
-        """The limits for a number of workers on this machine.
-
-        Args:
-            memory_mb: memory for the data of each, in MB; 0: no limit. Default: its share of the machine's.
-        """
+        """The limits for so many workers on this machine, each with `memory_mb` (0: no limit; default: its share)."""
         share_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))
         size = 1_000_000 * (memory_mb or share_mb)
         files = Limits(min(size // _PIXEL_BYTES, MAX_PIXELS), min(size // _SAMPLE_BYTES, MAX_PIXELS))

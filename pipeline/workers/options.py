@@ -43,15 +43,11 @@ class WorkerSettings(PoolSettings):
     def opened(
         self, parts: int | None = None, *, limit_s: float | None = None
     ) -> AbstractContextManager[Executor]:
-        """Open the executor.
+        """Open the executor. ClusterError: the cluster cannot be used.
 
         Args:
             parts: number of parts; None if not known yet.
-            limit_s: limit of the search of a part; a worker gives a part up after twice that, and after 900 s at
-                least.
-
-        Raises:
-            ClusterError: the cluster cannot be used.
+            limit_s: limit of the search of a part; a worker gives it up after twice that, and after 900 s at least.
         """
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
@@ -65,12 +61,8 @@ class WorkerSettings(PoolSettings):
 
 
 def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call a function that opens a user's files in a separate process, since a file may crash it.
-
-    Raises:
-        MarksError: the process has crashed.
-        Exception: any exception of the function.
-    """
+    """Call a function that opens a user's files in a separate process, since a file may crash it. MarksError: it
+    did."""
     with WorkerSettings(jobs=1).opened() as executor:
         try:
             return cast(R, executor.submit(partial(function, *args, **options)).result())

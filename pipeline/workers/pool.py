@@ -1,17 +1,10 @@
 """Worker processes, each fed by a thread of this process: for runs, the service, benchmarks and `synth`.
 
-::
-
-    submit --> waiting (bounded) --> thread 1 <== pipe ==> worker 1
-                                 --> thread 2 <== pipe ==> worker 2
-
 * Every job ends: with its result, its exception, or WorkerLostError, even if no worker can start.
 * A worker that dies, or exceeds the time limit of a job, costs only its own job and is replaced, even while it is idle.
 * No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
-* A job is refused at once when the queue is full.
 * A worker uses one core and keeps to its memory limit. It is not forked: a forked child dies in its first parallel
-  kernel.
-* Workers end when this process does, however that ends.
+  kernel. It ends when this process does, however that ends.
 """
 
 from __future__ import annotations
@@ -74,10 +67,7 @@ class _Slot:
 
 
 class WorkPool(Executor):
-    """Run functions in worker processes of this machine.
-
-    Workers must be able to import the functions. Arguments, results and exceptions must be picklable.
-    """
+    """Run functions in worker processes of this machine; functions must be importable there, data picklable."""
 
     def __init__(
         self,
@@ -89,7 +79,7 @@ class WorkPool(Executor):
         warm_up: Callable[[], object] = bool,
         at_once: bool = True,
     ) -> None:
-        """Start the workers; they warm up in the background, see `ready`.
+        """Start the workers; they warm up in the background, see `ready`. SettingsError: invalid numbers.
 
         Args:
             queue: maximum number of waiting jobs (default: enough to keep the workers busy).
@@ -97,9 +87,6 @@ class WorkPool(Executor):
             memory_mb: memory limit of a worker; 0: no limit (default: its share of the machine's).
             warm_up: picklable function that every worker calls before its first job.
             at_once: whether to start all processes now; else they start when there are jobs for them.
-
-        Raises:
-            SettingsError: invalid numbers.
         """
         queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
@@ -130,8 +117,8 @@ class WorkPool(Executor):
         """Let a worker call the function before all waiting jobs, and return its result.
 
         Args:
-            free_s: longest wait for a worker, seconds.
-            timeout_s: longest time of the call, seconds.
+            free_s: longest wait for a worker.
+            timeout_s: longest time of the call.
 
         Raises:
             BusyError: the queue is full, or no worker was free in time.
@@ -155,14 +142,12 @@ class WorkPool(Executor):
         timeout_s: float | None = None,
         first: bool = False,
     ) -> Future[Any]:
-        """Let a worker call the function.
+        """Let a worker call the function; the future has its result, its exception or WorkerLostError, and cannot be
+        cancelled.
 
         Args:
             timeout_s: seconds that the job may take (default: the limit of the pool).
             first: whether it goes before the waiting jobs.
-
-        Returns:
-            Future with the function's result or exception, or WorkerLostError. It cannot be cancelled.
 
         Raises:
             BusyError: the queue is full.

@@ -66,13 +66,8 @@ class Worker:
     """A worker process, from the parent's side."""
 
     def __init__(self, number: int, modules: Sequence[str] = ()) -> None:
-        """Args:
-            number: number of the worker; only number 0 reports what is compiled, since all compile the same.
-            modules: modules to import at once.
-
-        Raises:
-            OSError: the process cannot be started.
-        """
+        """Worker `number`, which imports some modules at once; only number 0 reports what is compiled. OSError: it
+        cannot start."""
         for name, value in MALLOC.items():  # read as a process starts
             os.environ.setdefault(name, value)
         context = multiprocessing.get_context("spawn")
@@ -171,11 +166,7 @@ def started_early(modules: Sequence[str]) -> Iterator[None]:
 
 
 def worker_of(number: int, memory_mb: int) -> Worker:
-    """Start a worker with a memory limit; number 0 may have been started early.
-
-    Raises:
-        OSError: it cannot be started.
-    """
+    """Start a worker with a memory limit; number 0 may have been started early. OSError: it cannot be started."""
     worker = _EARLY.pop() if _EARLY and number == 0 else Worker(number)
     worker.limit(memory_mb)
     return worker
@@ -214,7 +205,6 @@ def _keep_to(memory_mb: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent ends, even by `kill -9`."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -222,14 +212,7 @@ def _end_with_parent() -> None:
 
 
 def pickled_call(function: Callable[..., Any], *args: Any) -> bytes:
-    """Pickle a call for a worker.
-
-    Args:
-        function: function of a module that the process can import.
-
-    Raises:
-        Exception: it cannot be pickled.
-    """
+    """Pickle a call of a module's function for a worker; raises whatever pickling raises."""
     return pickle.dumps((function, args))
 
 

@@ -21,7 +21,6 @@ class RiskAcceptance:
     """Readings that a reader accepts at a threshold fitted to other parts.
 
     Attributes:
-        risk: greatest share of wrong readings among those accepted.
         wrong_of_accepted: with exact one-sided bounds.
         least: thresholds of the fits, the most lenient and the strictest.
     """
@@ -42,8 +41,7 @@ def acceptance_at_risks(
 ) -> Iterator[RiskAcceptance]:
     """Compute what each group of trials of one mode accepts at each risk that its trials can prove.
 
-    The levels of the factor `left_out` are left out in turn; groups with one level are passed over. `confidence` is the
-    confidence level of the tests.
+    The levels of the factor `left_out` are left out in turn; groups with one level are passed over.
     """
     for key, trials in groups:
         levels = dict.fromkeys(level_of(trial, left_out) for trial in trials)

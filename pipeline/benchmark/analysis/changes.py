@@ -54,10 +54,8 @@ class Change:
 
 @dataclass(frozen=True)
 class Row:
-    """Paired comparison of the readings of B (first) with those of A.
-
-    It is at a level of a factor or, without a factor, over all.
-    """
+    """Paired comparison of the readings of B (first) with those of A, at a level of a factor or, without one, over
+    all."""
 
     factor: str
     level: Level

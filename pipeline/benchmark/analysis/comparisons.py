@@ -45,11 +45,8 @@ class Comparison:
 def compare(
     first: GroupKey, first_trials: Sequence[Trial], second: GroupKey, second_trials: Sequence[Trial]
 ) -> Comparison:
-    """Compare two groups of readings of the same parts, each part once in each.
-
-    Raises:
-        ValueError: the parts are not the same.
-    """
+    """Compare two groups of readings of the same parts, each part once in each. ValueError: the parts are not the
+    same."""
     others = {t.part: t for t in second_trials}
     if set(others) != {t.part for t in first_trials} or not len(others) == len(first_trials) == len(
         second_trials
@@ -71,9 +68,7 @@ def compare(
 
 def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comparison]:
     """Compare, at the same levels: fused with the better single sense, a sense with each of its experts, a mode without
-    a rule with the full mode, touch and fused with every other reader.
-
-    Without touch and fused, compare the first reader with the others.
+    a rule with the full mode, touch and fused (or else the first reader) with every other reader.
     """
     for levels in dict.fromkeys(key.levels for key in groups):
         here = {key.mode: key for key in groups if key.levels == levels}

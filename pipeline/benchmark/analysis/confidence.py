@@ -1,14 +1,7 @@
-"""Calibration of confidences, and risk against coverage.
+"""Calibration of confidences (of all readings with confidence p, a share p should be right), and risk against coverage.
 
-Calibration: of all readings with confidence p, a share p should be right.
-
-Risk-coverage curve: the share of wrong serials among the most certain ones, as more are accepted::
-
-    risk |            .--  all are accepted: the share of wrong serials
-         |        .--'
-         |______-'         a good confidence keeps the risk at 0 until only wrong ones are left
-         +--------------
-           coverage   1
+The risk-coverage curve is the share of wrong serials among the most certain ones, as more are accepted. A good
+confidence keeps the risk at 0 until only wrong ones are left.
 """
 
 from __future__ import annotations
@@ -44,11 +37,8 @@ class Reliability:
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: int = BINS) -> Reliability:
-    """Compute the diagram with bins of equal width, each open below (except the first) and closed above.
-
-    Raises:
-        ValueError: the lengths differ, or a confidence is not between 0 and 1.
-    """
+    """Compute the diagram with bins of equal width, each closed above. ValueError: a confidence is not between 0 and
+    1."""
     sure, is_right = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
     if sure.shape != is_right.shape:
         raise ValueError(f"{sure.size} confidences for {is_right.size} readings")
@@ -90,11 +80,7 @@ class RiskCoverage:
 
 
 def risk_coverage(confidences: Sequence[float], right: Sequence[bool]) -> RiskCoverage:
-    """Compute the curve over readings, the most certain first.
-
-    Raises:
-        ValueError: the lengths differ.
-    """
+    """Compute the curve over readings, the most certain first. ValueError: the lengths differ."""
     sure, wrong = np.asarray(confidences, dtype=np.float64), ~np.asarray(right, dtype=bool)
     if sure.shape != wrong.shape:
         raise ValueError(f"{sure.size} confidences for {wrong.size} readings")

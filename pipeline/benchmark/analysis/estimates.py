@@ -26,10 +26,7 @@ _FLIPS_SEED = 20240301
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate with its 95 % interval from resampling whole parts.
-
-    The ends are None with fewer than `LEAST_PARTS` parts.
-    """
+    """An estimate with its 95 % interval from resampling whole parts; None with fewer than `LEAST_PARTS` parts."""
 
     value: float
     low: float | None = None
@@ -141,11 +138,7 @@ class CharacterTest:
 
 
 def compare_characters(first: Sequence[int], second: Sequence[int], total: Sequence[int]) -> CharacterTest:
-    """Compare two modes by their characters right, (parts,) each: permutation test and bootstrap, both by part.
-
-    Raises:
-        ValueError: the lengths differ.
-    """
+    """Compare two modes by their characters right, (parts,) each: permutation test and bootstrap, both by part."""
     from scipy.stats import permutation_test
 
     gained = [a - b for a, b, _ in zip(first, second, total, strict=True)]

@@ -1,9 +1,8 @@
 """Group trials, and compute the figures of a group: shares, edits, confused characters, times.
 
-A group has one mode, and one level of each of some factors: a cell of the design, one severity, or no factor at all. If
-parts were read several times with different facts, these facts are always one of the factors, so that no group holds a
-part twice and Wilson's intervals are valid. Whether a text is right does not depend on the decision: a rejected serial
-may be right.
+A group has one mode, and one level of each of some factors. If parts were read several times with different facts,
+these facts are always one of the factors, so that no group holds a part twice and Wilson's intervals are valid.
+Whether a text is right does not depend on the decision: a rejected serial may be right.
 """
 
 from __future__ import annotations
@@ -182,7 +181,6 @@ def ordered_levels(levels: Iterable[Level]) -> tuple[Level, ...]:
 
 
 def _characters(trials: Iterable[Trial]) -> Iterator[tuple[float, bool]]:
-    """Confidence of every character read, and whether it was right."""
     for trial in trials:
         if "".join(c.char for c in trial.characters) != trial.text:
             continue

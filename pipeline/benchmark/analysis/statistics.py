@@ -1,11 +1,4 @@
-"""All statistics of a benchmark, from its trials.
-
-trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
-       --levels of each factor, over all others-----> effects, with whole parts resampled
-       --the same parts read twice------------------> comparisons
-       --all soils but one, then that one-----------> acceptance at a risk
-       --the same parts perturbed-------------------> stability; all other statistics leave perturbed parts out
-"""
+"""All statistics of a benchmark, from its trials; only those of stability count perturbed parts."""
 
 from __future__ import annotations
 
@@ -93,12 +86,10 @@ class Statistics:
     """All statistics. If readers were given several sets of facts, each group has one set; effects mix them.
 
     Attributes:
-        levels: levels of every factor that occur in the trials.
+        levels: of every factor that occur in the trials.
         given: the sets of facts that readers were given.
         crossed: factors that make up the cells.
         cells: one group for each combination of mode, crossed factors and given facts.
-        headlines: figures of each mode over all dirt.
-        effects: cost of each factor's levels, for every mode.
         comparisons: readers compared on the same parts: over all parts, then at every severity.
         knowledge: each reader compared with itself when it knew fewer facts.
         stability: changes of the result on perturbed parts.
@@ -128,8 +119,7 @@ def statistics_of(
 ) -> Statistics:
     """Compute the statistics of the trials of all parts and modes.
 
-    `crossed` are the factors of the design's cells. Readers are compared at the risks. Errors are relative to those of
-    the baseline: a public reader, shown the usual picture.
+    `crossed` are the factors of the design's cells; errors are relative to those of the baseline, a public reader.
     """
     trials = unperturbed(all_trials)
     facts = tuple(dict.fromkeys(t.given for t in trials))

@@ -19,11 +19,8 @@ PERTURBED = "perturbed"
 
 
 def parse_given(text: str) -> str:
-    """Parse the facts given to a reader: some of `font,height,format`, returned in that order, or `nothing`.
-
-    Raises:
-        SettingsError: a word is unknown.
-    """
+    """The facts given to a reader, of `font,height,format` in that order, or `nothing`. SettingsError: an unknown
+    word."""
     words = [word for word in split_commas(text) if word != "nothing"]
     for word in words:
         if word not in GIVEN:

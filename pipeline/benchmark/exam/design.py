@@ -1,9 +1,4 @@
-"""The design of an exam: its parts, and the facts that readers are given.
-
-    [part] factors --crossed in full--> cells --replicates--> parts; the first N of them are balanced too
-           other factors ---- balanced within every cell ----^
-
-A TOML file describes it::
+"""The design of an exam: its parts, and the facts that readers are given; a TOML file describes it::
 
     name = "two-soils"
     seed = 1
@@ -14,15 +9,12 @@ A TOML file describes it::
     [part]                              # levels of each factor; a single level is a constant
     soil = ["rust", "paint"]
     severity = [0.3, 0.6, 0.9]
-    font = ["gothic", "futuram"]
     format = "AA999999"
-    height_mm = [3.5, 5, 8]
 
 Balanced means: the replicates of a cell take the levels of every other factor in turn, in an order drawn once for the
-design, and the cells of one severity begin their turns evenly spaced. The parts are a fraction of the full crossing.
-
-A design is checked when it is loaded: in every section, the numbers of parts at two severities differ by at most 1, and
-so do at every severity those at two levels of a factor.
+design, and the cells of one severity begin their turns evenly spaced. The parts are a fraction of the full crossing,
+and so are the first N of them. When a design is loaded, it is checked that in every section the numbers of parts at two
+severities, and at every severity those at two levels of a factor, differ by at most 1.
 """
 
 from __future__ import annotations
@@ -59,7 +51,6 @@ _DESIGNS = _ROOM / "designs"
 
 
 def _levels(value: Any) -> Any:
-    """Make a tuple of the levels of each factor; a single level becomes a tuple of one."""
     if not isinstance(value, Mapping):
         return value
     return {k: tuple(v) if isinstance(v, list | tuple) else (v,) for k, v in value.items()}
@@ -69,12 +60,8 @@ Part = Annotated[dict[str, tuple[str | bool | float, ...]], BeforeValidator(_lev
 
 
 class Section(BaseModel):
-    """A group of consecutive parts with its own levels, which replace those of the design.
-
-    Attributes:
-        parts: number of parts; a multiple of the number of cells is always balanced.
-        kept_out: its fonts are held out: nothing in this repository may be fitted to them.
-    """
+    """Consecutive parts with their own levels, which replace the design's; nothing here may be fitted to `kept_out`
+    fonts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = ""
@@ -89,7 +76,7 @@ class Design(BaseModel):
     Attributes:
         parts: number of parts; give this, `parts_a_cell` or `sections`.
         cross: factors crossed in full.
-        alike: whether the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
+        alike: the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
         part: levels of every factor of a part: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`.
         given: sets of facts that readers are given; every part is read with each set.
         sections: groups of parts, one after the other.
@@ -149,11 +136,7 @@ class Design(BaseModel):
 
     @classmethod
     def load(cls, path: Path) -> Design:
-        """Load a design from a TOML file.
-
-        Raises:
-            FileError: there is no such file, or it is not TOML or not a design; the message names the setting.
-        """
+        """Load a design. FileError: there is no such TOML file, or it is no design; the message names the setting."""
         with naming(path):
             return cls.of(**{"name": path.stem, **toml_of(path)})
 
@@ -222,10 +205,7 @@ def of_flags(
 ) -> Design:
     """Make a design that crosses fonts, formats, soils and severities, with the same stamped parts in every cell.
 
-    `levels` replace the defaults of these and other factors; `parts` is the number in each cell.
-
-    Raises:
-        SettingsError: an invalid value; the message names the setting.
+    `levels` replace the defaults of these and other factors (SettingsError names an invalid one).
     """
     usual: dict[str, Any] = {"font": "gothic", "format": "AA999999", "soil": WORKSHOP,
              "severity": (0.0, 0.3, 0.6, 0.9), "height_mm": 5.0, "depth_mm": 0.2, "face": "flat"}  # fmt: skip
@@ -256,7 +236,6 @@ def design_named(name: str) -> Design:
 
 
 def _uneven(levels: Sequence[Level], chosen: Sequence[Level]) -> str:
-    """The number of parts at each level if two of these differ by more than 1; else nothing."""
     counts = Counter(dict.fromkeys(levels, 0))
     counts.update(chosen)
     if max(counts.values()) - min(counts.values()) <= 1:
@@ -271,8 +250,7 @@ def _turns(
 
     Within each block of `levels` rounds, counted from the first, a cell takes each level once. The cells begin evenly
     spaced over the levels, those of one severity by themselves and all of them together. After any number of rounds the
-    counts of two levels then differ by at most 1, at every severity and over all. `severities` is the index of the
-    severity of each cell.
+    counts of two levels then differ by at most 1, at every severity and over all.
     """
     rng = np.random.default_rng(seed)
     cells, several = np.asarray(severities), max(severities) + 1

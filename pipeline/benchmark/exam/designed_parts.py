@@ -45,12 +45,8 @@ _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str:
 def sketch_part(
     format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
 ) -> Part:
-    """Sketch a random serial as a part; dirt and photograph are those of stamped parts.
-
-    Raises:
-        FontError: the font is missing, or lacks a character.
-        FormatError: no serial can match the format.
-    """
+    """Sketch a random serial as a part; dirt and photograph are those of stamped parts. FontError, FormatError: it
+    cannot be."""
     key = tuple(int(number) for number in seed)
     rng = np.random.default_rng(key)
     letters, text = load_font(font), random_text(format, rng=rng)
@@ -69,8 +65,7 @@ class DesignedParts:
     Raises:
         FontError: a font is missing or differs from the design's.
         FormatError: no serial can match a format.
-        SettingsError: an unknown factor, a level of the wrong type, an unknown light, or more parts than the design
-            has.
+        SettingsError: an unknown factor, a level of the wrong type, an unknown light, or too few parts.
         StampError: an invalid die, plate, layout or soil.
     """
 
@@ -178,7 +173,6 @@ class DesignedParts:
 
 
 def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
-    """Order items so that their severities alternate, and the first few have all severities."""
     seen: Counter[float | None] = Counter()
     turns = []
     for item in items:

@@ -62,11 +62,8 @@ class ListedParts:
 
     @classmethod
     def of_table(cls, table: Path) -> ListedParts:
-        """The parts of a CSV with the columns part and text; every other column is a factor.
-
-        Raises:
-            FileError: the table lacks columns, holds answers instead, or has an impossible severity.
-        """
+        """The parts of a CSV with the columns part and text; every other column is a factor. FileError: the table is
+        not one."""
         known = []
         for number, line in enumerate(load_part_lines(table)):
             if column := next((name for name in _ANSWER_COLUMNS if name in line.others), ""):

@@ -32,7 +32,7 @@ class Item:
 
     Attributes:
         part: name, unique in the benchmark.
-        number: number among the parts of its condition; a designed part is made from it and the seed.
+        number: among the parts of its condition; a designed part is made from it and the seed.
         condition: levels of its factors.
         given: sets of facts for readers; the part is read with each.
         files: files of a part from a folder, as the truth.
@@ -57,10 +57,8 @@ class Specimen:
         boxes_mm: box around each character of the truth; empty if unknown.
         height_mm: character height for which a stage is set; None if unknown.
         beside_mm: box around a second line that is not to be read; None without one.
-        rows_known: whether the order of the map's rows is known.
         feel: scans it (default: the default plan).
         take_lights: takes photographs under several lights; None if that is not possible.
-        number: number of its item.
     """
 
     part: str

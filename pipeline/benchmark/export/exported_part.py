@@ -51,14 +51,7 @@ _MOST = ZERO - 1
 
 
 def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Make a part and the content of all its files, which the caller writes.
-
-    Returns:
-        The label of the part, and the contents of the files by path within the folder.
-
-    Raises:
-        MarksError: the part cannot be made or photographed.
-    """
+    """Make a part; its label, and the contents of its files by path. MarksError: it cannot be made or photographed."""
     specimen = parts.make(item)
     height_mm = parts.spec(item.condition).height_mm
     with tempfile.TemporaryDirectory() as scratch:
@@ -185,11 +178,8 @@ def step_of(values: NDArray[np.floating]) -> float:
 def write_layer(
     path: Path, values: NDArray[np.floating], *, unit: str, pitch_mm: float, origin_mm: tuple[float, float]
 ) -> float:
-    """Write a map (rows, cols), NaN where unknown, as PNG, whole or not at all; return its step.
-
-    Raises:
-        FileError: another suffix, or it cannot be written.
-    """
+    """Write a map (rows, cols), NaN where unknown, as PNG, whole or not at all; return its step. FileError: it cannot
+    be."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 

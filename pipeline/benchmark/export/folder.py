@@ -1,8 +1,5 @@
 """Export an exam as a folder of files, for readers outside this program.
 
-    design --export_part, by many workers--> parts/ photos/ felt/ ideal/ lines/ labels/ --labels--> label files, card
-                                                                                          --hashes--> manifest.json
-
 A part's label is written after its files and holds their hashes: an interrupted export continues with the parts
 whose label is missing or does not match the files.
 """
@@ -40,10 +37,7 @@ def export(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> int:
-    """Write the exam; complete parts already in the folder are kept, so that a later call can add more parts.
-
-    Returns:
-        Number of parts that the folder holds now.
+    """Write the exam, and return the number of parts in the folder; complete parts already there are kept.
 
     Raises:
         ExportError: some parts could not be made; the others are written.
@@ -74,11 +68,8 @@ def export(
 
 
 def check(parts: DesignedParts, folder: Path) -> dict[str, str]:
-    """Files that differ from the manifest, by path: missing, changed, or not in the manifest.
-
-    Raises:
-        FileError: the manifest is missing, or of another design.
-    """
+    """Files that differ from the manifest: missing, changed, or not in it. FileError: it is missing, or of another
+    design."""
     card = _json_of(folder / CARD)
     if card is None or card.get("design") != _design_of(parts):
         raise FileError(folder, "holds no export of this design", "name its folder, or its design")
@@ -102,7 +93,6 @@ def _design_of(parts: DesignedParts) -> dict[str, Any]:
 
 
 def _prepare(parts: DesignedParts, folder: Path) -> None:
-    """Make the folders, or check that existing ones belong to the same export by the same program."""
     make_folder(folder)
     held, new = _json_of(folder / CARD), card_of(parts, [], design=_design_of(parts))
     if held is not None:
@@ -119,7 +109,6 @@ def _prepare(parts: DesignedParts, folder: Path) -> None:
 
 
 def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
-    """Label of a part whose files all exist and match their hashes; None otherwise."""
     label = _json_of(folder / label_path(item.part))
     if label is None or not isinstance(label.get("files"), dict):
         return None
@@ -144,7 +133,6 @@ def _finish(parts: DesignedParts, folder: Path, labels: Sequence[dict[str, Any]]
 
 
 def _json_of(path: Path) -> dict[str, Any] | None:
-    """Load a JSON object; None if the file is missing or damaged."""
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,7 +1,4 @@
-"""Modes, and the readings that all modes share.
-
-A part is read once by each sense, whatever the number of modes: `PartReadings` keeps the readings and their times, so
-that every mode is charged for all that it uses.
+"""Modes, and the readings that all modes share: a part is read once by each sense, with its time, charged to its users.
 
 Readers of pictures see maps of a simulated scan. The stage is set for the true character height if it is known, as in a
 plant, else for a usual one; these maps do not depend on our reader.

@@ -49,11 +49,7 @@ def rules() -> dict[str, ReadingFlag | Measure]:
 
 
 def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Reading]:
-    """Make a function that decides on the evidence of a reading without one rule; nothing is read again.
-
-    Raises:
-        SettingsError: there is no such rule; the hint lists all.
-    """
+    """A function that decides on the evidence of a reading without one rule. SettingsError: no such rule; lists all."""
     known = rules()
     if name not in known:
         what = f"there is no rule {name!r} to leave out"

@@ -1,6 +1,4 @@
-"""A user's reader in the exam: a function of one part, named `module:function`.
-
-    def read(part: ExamPart) -> str | Answer
+"""A user's reader in the exam, `module:function`: def read(part: ExamPart) -> str | Answer.
 
 The photograph, the maps of touch and the true heights are made when the function asks for them.
 """
@@ -29,15 +27,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a reader to a part.
-
-    Attributes:
-        confidence: probability that the whole text is right, 0 to 1.
-        accepted: whether the reader accepts it (default: by its confidence, see `peers.ACCEPTED_FROM`).
-
-    Raises:
-        MarksError: the confidence is not between 0 and 1.
-    """
+    """The answer of a reader to a part, accepted by itself or by its confidence, 0 to 1 (MarksError), from
+    `ACCEPTED_FROM`."""
 
     text: str
     confidence: float = 0.0
@@ -49,14 +40,7 @@ class Answer:
 
 
 class ExamPart:
-    """A part, as given to a user's reader.
-
-    Attributes:
-        format: format of the serial; None if it is not given.
-        height_mm: height of the characters; None if it is not given.
-        fonts: fonts that the mark may have; empty if they are not given.
-        felt: whether a map of touch was asked for; its scan is then charged to the reader.
-    """
+    """A part, as given to a user's reader; what is not given is None or empty. A felt map is charged to the reader."""
 
     def __init__(self, senses: PartReadings, settings: ReaderSettings) -> None:
         self.name = senses.specimen.part
@@ -98,11 +82,7 @@ class ExamPart:
 
 
 def own_mode(name: str, settings: ReaderSettings) -> Mode:
-    """Make a mode from a user's function.
-
-    Raises:
-        SettingsError: there is no such function.
-    """
+    """Make a mode from a user's function. SettingsError: there is no such function."""
     function: Any = load_named(name, what="reader", error=SettingsError)
     if not callable(function):
         raise SettingsError(f"the reader {name!r} is not a function", hint="name one that takes a part")

@@ -160,7 +160,7 @@ def _tesseract(chars: str) -> LineReader:
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """Make a mode that reads one of `PICTURES` with a third-party engine; without a format any letter or digit.
+    """A mode that reads one of `PICTURES` with a third-party engine; without a format any letter or digit.
 
     Raises:
         ModeUnavailableError: the engine or its data are not installed.

@@ -5,14 +5,8 @@
     relief   the heights that touch felt, low dark
     ideal    the true heights, low dark: the result of a perfect instrument
 
-Each is cropped to the line: to its true place if that is known, else to the place that touch found, else not at all::
-
-    +--------------------------+
-    |  margin, a quarter of the height
-    |    +----------------+    |
-    |    | A B 1 2 3 4 5 6|    |
-    |    +----------------+    |
-    +--------------------------+
+Each is cropped to the line with a margin of a quarter of its height: to its true place if that is known, else to the
+place that touch found, else not at all.
 """
 
 from __future__ import annotations

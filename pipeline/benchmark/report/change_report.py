@@ -57,7 +57,6 @@ def write_comparison(
 def _drawn(
     description: Mapping[str, Any], flips: Sequence[Change], executor: Executor
 ) -> tuple[list[tuple[Change, WorstPart]], str]:
-    """The changes with a picture of their part, or the reason why there is none."""
     blanks = [WorstPart((c.before, c.after), c.flip.value, c.after.given) for c in flips]
     problem = ""
     if blanks:

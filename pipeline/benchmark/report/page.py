@@ -28,11 +28,8 @@ PROGRAM = "tactile-marks"
 
 
 def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
-    """Write the files of a report, by name: the rows of a .csv, the values of a .json, texts; return their paths.
-
-    Raises:
-        FileError: the folder cannot be written.
-    """
+    """Write a report's rows of a .csv, values of a .json, and texts, by file name; return the paths. FileError: it
+    cannot."""
     make_folder(folder)
     writers: dict[str, Callable[[Path, Any], None]] = {".csv": write_table, ".json": write_json}
     for name, content in contents.items():
@@ -41,10 +38,8 @@ def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
 
 
 def render(template: str, **values: Any) -> str:
-    """Render a page, or a Markdown document, from `pipeline.benchmark.report.templates`.
-
-    Every template also gets the time, the command line and the versions of libraries.
-    """
+    """Render a page or Markdown document from `pipeline.benchmark.report.templates`, with time, command line and
+    versions."""
     import jinja2
 
     environment = jinja2.Environment(

@@ -1,9 +1,4 @@
-"""Draw the worst parts of a benchmark, made again from their seed or files and scanned again.
-
-+---------------+---------------+---------------+
-| photograph    | height map    | edge map      |    boxes and characters as read by touch
-+---------------+---------------+---------------+
-"""
+"""Draw the worst parts of a benchmark, made again from their seed or files and scanned again."""
 
 from __future__ import annotations
 
@@ -50,10 +45,10 @@ class WorstPart:
 
 
 def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
-    """Rank the worst parts: those accepted with a wrong serial, then those that touch reads worst, then those that the
-    camera reads worst.
+    """Rank the worst parts: accepted with a wrong serial, then read worst by touch, then by the camera, else least
+    certain.
 
-    Third-party programs do not count. If nothing is wrong, the least certain parts come first.
+    Third-party programs do not count.
     """
     by_part: dict[str, list[Trial]] = {}
     for trial in trials:
@@ -67,7 +62,6 @@ def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart
 
 
 def _badness(trial: Trial) -> tuple[bool, bool, float, float]:
-    """Smaller is worse."""
     accepted_wrong = trial.accepted and not trial.right
     helped = trial.mode in _HELPED or trial.mode not in _OWN_MODES
     chars = characters_right(trial) / max(1, len(trial.truth))

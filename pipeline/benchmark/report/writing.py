@@ -1,10 +1,4 @@
-"""Report of a benchmark: one self-contained page, a table of all trials, and all figures as JSON.
-
-trials --statistics_of--> Statistics --+--> benchmark.json
-   |                                   +--> report.html   (pictures inlined)
-   |                                   +--> benchmark.md   (tables for documents and the console)
-   +---------------------------------------> benchmark.csv
-"""
+"""Report of a benchmark: one self-contained page, a table of all trials, and all figures as JSON."""
 
 from __future__ import annotations
 
@@ -87,10 +81,8 @@ def write_report(
 
 
 def document_of(statistics: Statistics, drift: Mapping[str, str] | None = None, *, touch: str = "") -> str:
-    """The tables in Markdown, for documents and the console.
-
-    `drift` says by mode how its parts differ from the certified ones, `touch` by which array they were felt.
-    """
+    """The tables in Markdown, with how a mode's parts differ from the certified ones, and by which array they were
+    felt."""
     return render("benchmark.md.j2", **_tables(statistics), drift=drift or {}, touch=touch)
 
 
@@ -122,7 +114,6 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
 
 
 def _figures(benchmark: Benchmark, trials: Sequence[Trial], statistics: Statistics) -> dict[str, Any]:
-    """All figures; only those under "times" differ from run to run."""
     names = (
         "cells", "by_severity", "by_mode", "headlines", "effects", "comparisons", "knowledge", "stability",
         "at_risk",

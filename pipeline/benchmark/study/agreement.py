@@ -52,11 +52,8 @@ def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Es
 
 
 def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
-    """Fleiss' kappa of parts that were rated equally often, (parts, ratings of a part); None if it is not defined.
-
-    Raises:
-        ValueError: a part has fewer than two ratings, or the parts have different numbers of ratings.
-    """
+    """Fleiss' kappa of parts that were rated equally often (ValueError), (parts, ratings of a part); None if not
+    defined."""
     if not ratings:
         return None
     m = len(ratings[0])
@@ -76,12 +73,10 @@ def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
 
 
 def _one_hot(ratings: Sequence[str], labels: Sequence[str]) -> _Floats:
-    """(parts, labels) 1 where a part has the label."""
     return np.asarray(np.asarray(ratings)[:, None] == np.asarray(labels), dtype=np.float64)
 
 
 def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
-    """Kappa; NaN if chance explains everything."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(chance < 1.0 - 1e-12, (agreed - chance) / (1.0 - chance), np.nan)
 
@@ -150,7 +145,6 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
 
 
 def _agreement(kind: Kind, ratings: Ratings, truth: Mapping[str, str] | None = None) -> Agreement:
-    """Agreement of appraisers on the parts that all have rated and, if a truth is given, whose truth is known."""
     first, *others = ratings.values()
     parts = [p for p in first if all(p in by for by in others) and (truth is None or p in truth)]
     # (appraisers, trials, parts)

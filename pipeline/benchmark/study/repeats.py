@@ -2,10 +2,9 @@
 
 KX.1.h5, KX.2.h5, KX.3.h5    one part, KX, recorded three times: each recording is a trial
 KX.npz                       a height map: scanned again for every trial, by each of several virtual arrays
-KX.h5, KX.png                one recording: perturbed for every trial
+KX.h5, KX.png                one recording: perturbed for every trial (`pipeline.reading.perturbation.REMOUNTED`)
 
-A virtual array keeps the gains and offsets of its sensors. In a new trial the part is shifted under the lines, and
-noise, light and scale differ (`pipeline.reading.perturbation.REMOUNTED`).
+A virtual array keeps the gains and offsets of its sensors.
 """
 
 from __future__ import annotations
@@ -116,7 +115,6 @@ def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
 
 
 def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Trial]]:
-    """Empty trials of a part, each with the number of its array."""
     several = len(part.recordings) if len(part.recordings) > 1 else 0
     for array in range(plan.arrays):
         for trial in range(1, plan.repeats + 1):

@@ -1,10 +1,4 @@
-"""Write the report of a study: one self-contained page, its tables as Markdown, all readings, and all figures as JSON.
-
-study.html     the whole report
-study.md       its tables, for documents and the console
-study.json     every comparison, with its interval and kappa; sources of the variation in depth
-readings.csv   every reading and answer
-"""
+"""Write the report of a study: study.html, its tables as study.md, study.json, and every reading in readings.csv."""
 
 from __future__ import annotations
 
@@ -28,14 +22,8 @@ _MOST_PARTS = 60
 
 
 def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
-    """Write the page, the tables and the figures.
-
-    Returns:
-        The tables in Markdown, and the paths of all files.
-
-    Raises:
-        FileError: the folder cannot be written.
-    """
+    """Write page, tables and figures; return the tables in Markdown and all paths. FileError: the folder cannot be
+    written."""
     sources = [] if study.depth is None else list(components(study.depth))
     values = {
         "study": study,

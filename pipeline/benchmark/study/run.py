@@ -99,10 +99,7 @@ def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> 
 
 
 def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple[str, ...]]:
-    """Load the reviewers' answers for some parts from a table.
-
-    Returns:
-        The answers, whose mode is the reviewer; and parts of the table that are not in the study.
+    """Load the reviewers' answers for some parts from a table, with the reviewer as mode; and parts not in the study.
 
     Raises:
         FileError: the table is of another kind, a line has no reviewer, no part is in the study, or a reviewer did not

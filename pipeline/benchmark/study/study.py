@@ -16,11 +16,8 @@ from pipeline.benchmark.trials.journal import Trial
 
 @dataclass(frozen=True)
 class Study:
-    """All results of a study: every trial of the reader, answers of reviewers, truth by part as far as known, notes.
-
-    Raises:
-        ValueError: an appraiser did not measure every part equally often.
-    """
+    """All results of a study: trials of the reader, answers of reviewers (equally many, or ValueError), truth,
+    notes."""
 
     measured: tuple[Trial, ...]
     answers: tuple[Trial, ...] = ()

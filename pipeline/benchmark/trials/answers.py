@@ -32,10 +32,8 @@ def designed_items(parts: DesignedParts) -> list[Item]:
 
 @dataclass(frozen=True)
 class Answers:
-    """The answers of one reader to an exam: a trial of each part, read empty without an answer.
-
-    The unknown parts of the table are not in the exam.
-    """
+    """The answers of one reader: a trial of each part, read empty without an answer; `unknown` parts are not in the
+    exam."""
 
     trials: tuple[Trial, ...]
     missing: tuple[str, ...]
@@ -43,9 +41,7 @@ class Answers:
 
 
 def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) -> Answers:
-    """Load a table of answers (format: see the module) to the parts of an exam with their truth.
-
-    `given` are the facts that the reader knew beside the parts.
+    """Load a table of answers to the parts of an exam; `given` are the facts that the reader knew beside the parts.
 
     Raises:
         FileError: there is no such table, a part has two lines, or a value is invalid; names the line.

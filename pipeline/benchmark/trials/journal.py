@@ -32,11 +32,10 @@ class Trial:
 
     Attributes:
         number: number of the part among those of its kind.
-        levels: levels of all factors of the part, and facts given to the reader (`pipeline.benchmark.exam.condition`).
+        levels: of all factors of the part, and facts given to the reader (`pipeline.benchmark.exam.condition`).
         truth: text that was stamped, without spaces.
         text: text that was read, without spaces; empty with an error, as the decision.
-        confidence: that the whole text is right, 0 to 1.
-        broken: whether it breaks a contract, so that no score is enough.
+        broken: it breaks a contract, so that no score is enough.
         error: why there is no reading; empty if there is one.
         compute_s: time that the program took, without making the part and its photograph.
         scan_s: time that the real array would take for the scan; 0 without touch.

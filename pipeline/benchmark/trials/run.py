@@ -1,8 +1,5 @@
 """Run a benchmark: several workers make every part once and read it by every mode; results are stored at once.
 
-    Parts.items --not in the journal-----> workers: make, read by each mode --> trials.db
-                                                     \\--perturb, read again--/
-
 A part depends only on its seed or files, so the answers do not depend on the number of workers, the order of parts, or
 interruptions of the run.
 """
@@ -45,14 +42,11 @@ KEPT_READERS = 12
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Parts, modes and settings of a benchmark.
+    """Parts, modes (at least one, each once: SettingsError) and settings of a benchmark.
 
     Attributes:
         reading: settings for all parts; font, height and format are those of the part if the design gives them.
         perturbations: perturbations under which every part is read again, by the modes that they affect.
-
-    Raises:
-        SettingsError: there is no mode, or one is repeated.
     """
 
     parts: Parts
@@ -111,10 +105,8 @@ def run_benchmark(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[Trial]:
-    """Run the trials of every part that is not in the folder yet.
-
-    Returns:
-        The trials, ordered by part, then by given knowledge, perturbation and mode.
+    """Run the trials of every part that is not in the folder yet; return all, by part, given facts, perturbation and
+    mode.
 
     Raises:
         FileError: the folder holds another benchmark or cannot be written.
@@ -141,10 +133,7 @@ def run_benchmark(
 
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
-    """Make one part and read it by every mode, also perturbed.
-
-    A failure is recorded in the trial, and the run continues.
-    """
+    """Make one part and read it by every mode, also perturbed; a failure is recorded in the trial."""
     try:
         specimen = benchmark.parts.make(item)
     except Exception as error:

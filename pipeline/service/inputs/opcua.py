@@ -5,19 +5,12 @@ Objects/DeviceSet/<name>: OcrReaderDeviceType
   Scan(Settings) -> Results, Status         one trigger, answered with its result
   ScanStart(Settings) -> Status             one trigger, answered at once; the result comes as OcrScanEventType
   ScanStop()                                forgets that a scan was started; its part is still read
-  TriggerPart(PartName) -> ...              the same as Scan in plain types, and with the part's name
-  TriggerJob(PartName, JobName) -> ...      the same, read by a job
-  TouchPart(PartName) -> ...                the same after the part, which lies under the whiskers, was felt
-  PartResult(PartName) -> ...               the same of the part as it stands, perhaps reviewed by a person
+  TriggerPart, TriggerJob, TouchPart, PartResult     the same in plain types, see docs: how-to/plc
   LastPartId, LastDecision, LastConfidence  of the last part, whatever triggered it; empty while one is read, and ERROR
                                             after a call that has failed
 
-One scan is one part. A repetition by Cycles or Duration would make further parts of the same piece of metal, so Cycles
-above 1 is refused, and Duration is the time that Scan waits. Parts read through other inputs (HTTP, TCP) are shown as
-well: `show`. What a person has decided comes as an event: `tell`.
-
-Without users anyone with access to the port may scan, so by default it listens on the loopback address. With a
-certificate only signed and encrypted connections are accepted; with users, only theirs.
+One scan is one part: Cycles above 1, which would repeat the same piece of metal, is refused; Duration is the time that
+Scan waits. Parts of other inputs are shown as well (`show`); what a person has decided comes as an event (`tell`).
 """
 
 from __future__ import annotations
@@ -67,21 +60,13 @@ _ANSWERED = ContextVar("answered", default=False)
 
 
 class OpcUaPort:
-    """The OPC UA server.
-
-    Attributes:
-        port: port that it listens on; with port 0 the real one once it is started.
-    """
+    """The OPC UA server; `port` 0 becomes the real one once it is started."""
 
     title = "OPC UA server"
     trouble = ""
 
     def __init__(self, settings: OpcUaSettings, calls: LineCalls, *, connections: int = 16) -> None:
-        """Args:
-        settings: settings of the server; port 0 takes any free port, without users everybody may call.
-        calls: triggers, releases and looks up parts.
-        connections: greatest number of signed-in connections at once.
-        """
+        """`connections` is the greatest number of signed-in connections at once."""
         self.host, self.port = host_and_port(settings.port or "0")
         self._settings, self._calls = settings, calls
         self._connections = connections
@@ -95,11 +80,8 @@ class OpcUaPort:
         self._showing = asyncio.Lock()
 
     async def start(self) -> dict[str, object]:
-        """Build the nodes and listen; returns where.
-
-        Raises:
-            OSError: the address is not available, or a certificate cannot be read.
-        """
+        """Build the nodes and listen; returns where. OSError: the address is not available, or a certificate cannot be
+        read."""
         server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()
         server.set_server_name("tactile-marks")
@@ -144,10 +126,7 @@ class OpcUaPort:
             self._server = None
 
     async def show(self, part: PartRecord) -> None:
-        """Show a part that was read, for any trigger, and send it as an event unless Scan returns it.
-
-        The same one again is not shown twice, and none in shadow mode.
-        """
+        """Show a part that was read, once, and send it as an event unless Scan returns it; none in shadow mode."""
         async with self._showing:  # one part's values and event together
             if (
                 self._server is None
@@ -271,7 +250,6 @@ class OpcUaPort:
             await self._write("DeviceStatus", IDLE)
 
     async def _wait(self, scan: asyncio.Task[PartRecord], wait_s: float) -> tuple[PartRecord | None, int]:
-        """Wait for the part and its status; the scan continues after the time limit or when the caller has left."""
         await asyncio.wait({scan}, timeout=wait_s)
         if not scan.done() or scan.cancelled():
             return None, DEVICE_NOT_READY
@@ -301,11 +279,8 @@ def ocr_scan_result(part: PartRecord) -> Any:
 
     CodeType   RAW:STRING           ScanData  the serial as a string
     Quality    confidence in whole percent, rounded down: only full confidence gives 100
-    Position   bounding box of the characters in the frame that was read, in micrometres: the specification's pixels are
-               those of a camera, and whiskers have none. PositionX and PositionY are its least x and y, and Rotation is
-               the rotation of the line in degrees
-    Timestamp  time of the reading  Font      font that matched best
-    ImageId    null                 Location and DecodingTime are left out
+    Position   bounding box of the characters in the frame that was read, in micrometres, as whiskers have no pixels.
+               PositionX and PositionY are its least x and y, Rotation that of the line in degrees
     """
     reading = part.reading or NO_READING
     data = ua.ScanData()

@@ -2,10 +2,6 @@
 
 The part of OPC 30010 (AutoID) that an OCR reader needs is loaded from `opcua_autoid.xml`.
 
-http://opcfoundation.org/UA/DI/       TopologyElementType <- ComponentType <- DeviceType;  Objects/DeviceSet
-http://opcfoundation.org/UA/AutoID/   AutoIdDeviceType <- OcrReaderDeviceType;  AutoIdScanEventType <- OcrScanEventType
-                                      ScanSettings, ScanResult <- OcrScanResult, ScanData, Position, Location ...
-
 caller --room--> connection --messages--> asyncua
          |                     |- no OPC UA, too large, faults          closed
          |                     |- sign-in after a wrong password        answered late
@@ -13,15 +9,11 @@ caller --room--> connection --messages--> asyncua
          '- no room: an idle caller is dropped
 
 * Callers without a session and callers with one are counted separately. If there are too many of a kind, the address
-  with the most loses its longest idle one. A caller with a call in progress is not dropped.
-* A caller who does not read the answers is disconnected.
-* While a method runs, the same session still gets its other answers.
-* asyncua logs a traceback for each bad message; here one line of each kind in ten seconds is logged.
-* asyncua is untyped here: its modules do not export their names as strict type checking wants it, and the types of a
-  companion specification come into being only while a server runs.
+  with the most loses its longest idle one, but none with a call in progress. Who does not read answers is disconnected.
+* asyncua logs a traceback for each bad message; here one line of each kind in ten seconds is logged. It is untyped
+  here: it does not export its names as strict checking wants, and some types exist only while a server runs.
 
-Raises:
-    MissingExtraError: on import, asyncua is not installed.
+Raises MissingExtraError on import if asyncua is not installed.
 """
 
 from __future__ import annotations
@@ -98,13 +90,9 @@ def _argument(name: str, kind: int = ua.ObjectIds.String) -> Any:
 
 
 async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) -> tuple[dict[str, Any], Any]:
-    """Load the model, and set up its device.
+    """Load the model and set up its device; returns its nodes by name, and the generator of its events.
 
-    Args:
-        methods: Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names.
-
-    Returns:
-        Its nodes by name, and the generator of its events.
+    `methods` are Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names.
     """
     uris = (DI_URI, AUTOID_URI, READER_URI)
     _, autoid, reader = [await server.register_namespace(uri) for uri in uris]
@@ -142,11 +130,7 @@ async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) 
 
 
 class Users(UserManager):
-    """Users of the server, by name and password; each may read, subscribe and call, but not write.
-
-    Attributes:
-        denied: the user name that was refused last.
-    """
+    """Users of the server, by name and password; each may read, subscribe and call, but not write."""
 
     def __init__(self, passwords: Mapping[str, str]) -> None:
         self._passwords = dict(passwords)
@@ -186,11 +170,7 @@ def variant(value: str | int | float | datetime) -> Any:
 
 
 class GuardedServer(Server):
-    """An asyncua server behind these limits.
-
-    Attributes:
-        sessions: maximum number of connections that have signed in.
-    """
+    """An asyncua server behind these limits; `sessions` is the most connections that have signed in."""
 
     def __init__(self, users: Users, *, sessions: int) -> None:
         super().__init__(user_manager=users)

@@ -1,8 +1,7 @@
-"""A raw TCP port for line controllers: one line in, one line out.
+"""A raw TCP port for line controllers: one line in, one line out (docs: how-to/plc).
 
 TRIGGER P17<CR><LF>                -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<CR><LF>
-TRIGGER:housing-left P17<CR><LF>   -->  the same, read by the job housing-left
-TRIGGER=KX407251 P17<CR><LF>       -->  the same, for a part that should read KX407251; also TRIGGER:job=serial
+TRIGGER:job=KX407251 P17<CR><LF>   -->  the same, read by a job, for a part that should read KX407251
 TOUCH P17<CR><LF>                  -->  the same after the part, which lies under the whiskers, was felt
 RESULT P17<CR><LF>                 -->  the same of the part as it stands, perhaps reviewed by a person
 PING<CR><LF>                       -->  PONG<CR><LF>
@@ -10,16 +9,11 @@ anything else                      -->  ERROR;what is wrong<CR><LF>
 an HTTP request, or TLS            -->  closed
 
 The result string is made from a format with named fields: {name};{decision};{text};{confidence:.3f};{source};{id}
-Characters of a value that could be mistaken for the format's own punctuation, invisible characters and % itself are
-written as %XX (the bytes of their UTF-8, as in web addresses): a serial A;B is sent as A%3BB. A controller whose
-serials contain no such characters need not decode; one that decodes %XX gets back exactly what was read.
-
-TOUCH and RESULT take a name, of which they mean the latest part, or an id.
+In values the format's own punctuation, invisible characters and % are %XX, as in web addresses: A;B is sent as A%3BB.
 
 Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. A line may also come as a
 STRING of SIMATIC controllers: two bytes with its maximum and present length before it, with or without an end. Answers
-come in the order of the lines. The port has neither sign-in nor encryption: anyone with access to it can trigger. So by
-default it listens on the loopback address, and beyond that `clients` names the addresses that may call.
+come in the order of the lines. There is neither sign-in nor encryption: beyond this machine, `clients` may call.
 """
 
 from __future__ import annotations
@@ -85,9 +79,7 @@ class ResultString:
     """Makes result strings of one format."""
 
     def __init__(self, template: str = DEFAULT_FORMAT) -> None:
-        """Raises:
-        ResultStringError: an unknown field, one written as no number can be, or a control character.
-        """
+        """Raise ResultStringError for an unknown field, one written as no number can be, or a control character."""
         self.template = template
         if not template or len(template) > _LONGEST:
             raise ResultStringError(
@@ -144,13 +136,12 @@ class TcpLimits:
     """Resource limits of callers.
 
     Attributes:
-        connections: maximum number of connections at once; for a further one an idle one is closed, or it gets an
-            error.
-        line_bytes: maximum length of a line, bytes; a longer one gets an error and closes the connection.
-        idle_s: time without a line after which a connection is closed, seconds.
-        line_s: time in which a line that has begun must end, seconds.
-        answer_s: timeout of one trigger, seconds; after it the answer is an error, but the part is read to its end.
-        write_s: time in which the caller must take an answer, seconds.
+        connections: at once; for a further one an idle one is closed, or it gets an error.
+        line_bytes: maximum length of a line; a longer one gets an error and closes the connection.
+        idle_s: time without a line after which a connection is closed.
+        line_s: time in which a line that has begun must end.
+        answer_s: timeout of one trigger; after it the answer is an error, but the part is read to its end.
+        write_s: time in which the caller must take an answer.
     """
 
     connections: int = 16
@@ -166,24 +157,12 @@ class _LineError(Exception):
 
 
 class TcpPort:
-    """The trigger port.
-
-    Attributes:
-        port: port that it listens on; with port 0 the real one once it is started.
-    """
+    """The trigger port; `port` 0 becomes the real one once it is started."""
 
     title = "TCP trigger port"
     trouble = ""
 
     def __init__(self, settings: TcpSettings, calls: LineCalls, *, limits: TcpLimits | None = None) -> None:
-        """Args:
-            settings: settings of the port; port 0 takes any free port.
-            calls: triggers, releases and looks up parts.
-            limits: limits for one caller.
-
-        Raises:
-            ResultStringError: no such format.
-        """
         self.host, self.port = host_and_port(settings.port or "0")
         self._calls = calls
         self._result = ResultString(settings.format or DEFAULT_FORMAT)
@@ -196,11 +175,7 @@ class TcpPort:
         self._log = SparingLog("TCP port")
 
     async def start(self) -> dict[str, object]:
-        """Listen; returns where.
-
-        Raises:
-            OSError: the address is not available.
-        """
+        """Listen; returns where. OSError: the address is not available."""
         limit = 2 * self._limits.line_bytes
         self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
         self.port = self._server.sockets[0].getsockname()[1]
@@ -254,7 +229,6 @@ class TcpPort:
                 writer.transport.abort()
 
     def _has_room(self) -> bool:
-        """If the port is full, drop an idle caller of the busiest address, silent ones first."""
         if len(self._callers) < self._limits.connections:
             return True
         idle = {caller: task for task, caller in self._callers.items() if caller.idle}

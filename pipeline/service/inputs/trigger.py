@@ -20,10 +20,7 @@ class LineCalls(Protocol):
     def trigger(
         self, name: str, job: str = "", *, expected: str = "", within_s: float = ANSWER_S
     ) -> Awaitable[PartRecord]:
-        """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored.
-
-        `expected` is the text that it should read, `within_s` the time that the caller waits, s.
-        """
+        """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
 
     def release(self, part: str, *, within_s: float = ANSWER_S) -> Awaitable[PartRecord]:
         """Have a part felt that lies under the whiskers, by its id or name."""

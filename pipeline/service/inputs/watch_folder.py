@@ -7,19 +7,15 @@
   moved to another subfolder is the same.
 * It is complete when two looks, `every_s` apart, find the same length and time: one that is moved in, at its second.
   One whose end is missing has `settle_s` to be written to its end. Names of unfinished uploads are not looked at.
-* Subfolders, by date or tray, are looked into; the names of their parts begin with theirs.
 * Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
   all its files are, and there are as many as expected, or none was added or changed for a while. One that is added
   later makes it another set, which is read anew.
 * The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for as
   long as they are in the folder, and some months longer.
 * A photograph that cannot be read, or that ends two workers, is a part for a person, and is not tried again until it
-  changes; of a set, the others are read. What is no photograph is named in the log. Nothing in the folder is changed.
-* Only a fault of the file itself is final. While the queue is full, or a job or file of the service cannot be used,
-  files wait in the folder.
+  changes. While the queue is full, or a file of the service cannot be used, files wait. Nothing in the folder changes.
 * A part is felt at once only if its photograph has just come and is the latest: another one may lie under the whiskers
-  by now. The others wait for a release.
-* While the folder cannot be looked at, the service is not ready.
+  by now. The others wait for a release. While the folder cannot be looked at, the service is not ready.
 """
 
 from __future__ import annotations
@@ -79,7 +75,7 @@ class WatchedPart:
     """The photographs of one part.
 
     Attributes:
-        name: name of the part: its subfolder and the file's stem, or the set's.
+        name: its subfolder and the file's stem, or the set's.
         files: size and time of each file, by path.
         moved: keys of the same files, wherever they are moved to.
         since_s: time since which they stand unchanged, by the monotonic clock.
@@ -104,15 +100,7 @@ class WatchedFolder:
     title = "watched folder"
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Args:
-            settings: folder to watch.
-            intake: reads the parts.
-            most_bytes: greatest size of a photograph.
-            at_once: parts that are read at a time.
-
-        Raises:
-            FileError: no such folder.
-        """
+        """Watch the folder of the settings, and read `at_once` parts at a time. FileError: no such folder."""
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
@@ -153,25 +141,16 @@ class WatchedFolder:
         await end_tasks([] if self._task is None else [self._task])
 
     def renew_keys(self, *, before: datetime) -> bool:
-        """Renew the store's keys of the files in the folder that are from before a time; return whether they are known.
-
-        Raises:
-            StoreError: the store does not answer.
-        """
+        """Renew the store's keys of the folder's files that are from before a time; whether they are known. StoreError:
+        no store."""
         if (present := self._present) is None:
             return False
         self._intake.store.renew_keys(present, before=before)
         return True
 
     async def look(self) -> float:
-        """Look once, and submit what is complete.
-
-        Returns:
-            Seconds that the look itself took.
-
-        Raises:
-            StoreError: the store does not answer.
-        """
+        """Look once, and submit what is complete; returns the seconds of the look. StoreError: the store does not
+        answer."""
         limit = asyncio.Semaphore(self._at_once)
 
         async def take(part: WatchedPart) -> None:
@@ -191,7 +170,6 @@ class WatchedFolder:
         await asyncio.sleep(REST * await self.look())
 
     def _complete(self) -> list[WatchedPart]:
-        """Parts whose files are new and unchanged since the last look, the oldest first."""
         began_s, groups = time.monotonic(), dict[str, dict[str, FileStamp]]()
         if (now := self._photographs()) is None:
             self._older = self._present = None

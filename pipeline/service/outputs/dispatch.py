@@ -5,13 +5,11 @@ outbox --lease--> sender (webhook, MQTT) --arrived--> delivered
 
 A delivery is removed from the outbox only after the receiver has acknowledged it, so each arrives at least once; it
 arrives twice if the service dies between the two. The results of one part arrive in order: the outbox gives only the
-oldest of each part and target, so later ones wait behind it. A target that is down is not tried with every delivery
-that is due: it rests, and is then tried with one.
+oldest of each part and target. A target that is down rests, and is then tried with one delivery.
 
-Services that share a store share its outbox. A delivery that one has leased is left alone by the others, and no sending
-starts that might not end within the lease. A service that dies loses nothing: another takes over when the lease ends. A
-service that stalls during a sending, for longer than its lease, may send late a delivery that another has sent since.
-Receivers for which that matters drop a delivery_id smaller than the last one they got for that part.
+Services that share a store share its outbox: no sending starts that might not end within its lease, and another takes
+over when the lease of a dead service ends. One that stalls for longer than its lease may send late what another has
+sent since: receivers for which that matters drop a delivery_id smaller than the last one they got for that part.
 """
 
 from __future__ import annotations
@@ -44,7 +42,7 @@ class Connection:
 
     Attributes:
         key: mqtt, webhook, tcp or opcua.
-        address: address of a listening port; empty for a target.
+        address: of a listening port; empty for a target.
         error: why a target cannot be reached; empty while it can, as far as is known.
         refused: why a target does not take results, by their numbers.
         waiting: results that wait to be sent, and since when; None if none wait.
@@ -91,7 +89,7 @@ class DeliveryError(MarksError):
 
     Attributes:
         away: the target cannot be reached at all, so others need not be tried now.
-        lasting: whether a person must correct something first, so that an early retry is useless.
+        lasting: a person must correct something first, so that an early retry is useless.
         retry_after_s: the target's own wish; 0 where it has none.
     """
 
@@ -112,18 +110,10 @@ class Sender(Protocol):
     """Send deliveries to one target."""
 
     async def ping(self) -> bool:
-        """Whether the target is reachable, checked while there is nothing to send.
-
-        Raises:
-            DeliveryError: it is away.
-        """
+        """Check the target while there is nothing to send. DeliveryError: it is away."""
 
     async def send(self, delivery: Delivery) -> None:
-        """Return once the target has the delivery.
-
-        Raises:
-            DeliveryError: the delivery has not arrived, or may not have arrived.
-        """
+        """Return once the target has the delivery. DeliveryError: it has not arrived, or may not have."""
 
     async def close(self) -> None:
         """Disconnect from the target."""
@@ -131,14 +121,13 @@ class Sender(Protocol):
 
 @dataclass(frozen=True)
 class Pace:
-    """Waits and timeouts of a dispatcher; times in seconds.
+    """Waits and timeouts of a dispatcher, s.
 
     Attributes:
         together: deliveries of different parts leased and sent to one target at the same time.
-        look_s: time between two looks at the outbox when nothing wakes the dispatcher.
-        first_wait_s: wait before the second attempt; doubled with every further one.
-        longest_wait_s: longest wait between two attempts.
-        longest_rest_s: longest rest of a target that is down.
+        look_s: between two looks at the outbox when nothing wakes the dispatcher.
+        first_wait_s: before the second attempt; doubled with every further one, up to `longest_wait_s`.
+        longest_rest_s: of a target that is down.
         send_s: timeout of one attempt, whatever the sender's own limits.
         lease_s: time for which other services leave a delivery alone; longer than `send_s`.
     """
@@ -157,11 +146,7 @@ class Pace:
 
 
 class Dispatcher:
-    """Send the deliveries in the outbox, with one task for each target.
-
-    Attributes:
-        states: states of the targets, by their keys.
-    """
+    """Send the deliveries in the outbox, with one task for each target; `states` are the targets' by their keys."""
 
     def __init__(
         self,

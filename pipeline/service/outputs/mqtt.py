@@ -3,20 +3,17 @@
 {prefix}/parts/{part id}/result     the part as JSON, whole or short, with the delivery's number; not retained
 {prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
-{prefix}/trigger, {prefix}/touch    taken, if the settings say so: {"name": "P17", "job": "left", "expected": "KX4"}
-                                    and {"part": "P17"}, a name or an id; or only the name as text
+{prefix}/trigger, {prefix}/touch    taken, if the settings say so: see `mqtt_calls`
 {prefix}/answer                     the short result of such a call, or {"error": ...}; a call with a response topic
                                     is answered there, with its correlation data
 
-* A delivery has arrived when the broker has accepted it; one that it refuses (no right to the topic, too large) stays
-  in the outbox. Only with MQTT 5 does a broker say that it refuses: older ones acknowledge what they drop.
+* A delivery that the broker refuses (no right to the topic, too large) stays in the outbox. Only with MQTT 5 does a
+  broker say that it refuses: older ones acknowledge what they drop.
 * Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
 * paho's network thread calls back; everything here happens in the event loop.
-* There is one connection at a time, made anew when it is next needed: for a result, or the next `ping`.
 * A call that comes while there is no connection is lost, and a retained one is ignored: it would be late.
-* Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
-  after another one has published "offline".
+* Services with one prefix share the status: a running one says "online" every few seconds.
 """
 
 from __future__ import annotations
@@ -84,10 +81,11 @@ class MqttSender:
         *,
         timeout_s: float = 10.0,
     ) -> None:
-        """Args:
+        """Prepare the sender; TLS certificates are checked by the system's authorities, or those of the file
+        SSL_CERT_FILE.
+
+        Args:
             answer_call: answers a call, trigger or touch, if the settings allow calls.
-            settings: address of the broker; with TLS its certificate is checked by the system's authorities, or by
-                those of the file SSL_CERT_FILE.
             timeout_s: timeout for connecting, and for one acknowledgement.
 
         Raises:
@@ -106,11 +104,8 @@ class MqttSender:
         self._calling: set[asyncio.Task[None]] = set()
 
     async def ping(self) -> bool:
-        """Connect and stay connected, so that the status is online although there is nothing to publish.
-
-        Raises:
-            DeliveryError: no broker.
-        """
+        """Stay connected, so that the status is online although there is nothing to publish. DeliveryError: no
+        broker."""
         await self._connect()
         return True
 
@@ -203,18 +198,10 @@ def _short(payload: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class MqttConnection:
-    """One connection, for as long as it lasts.
-
-    Attributes:
-        lost: done once the broker is gone, with the reason in words.
-    """
+    """One connection, for as long as it lasts; `lost` is done once the broker is gone, with the reason in words."""
 
     def __init__(self, settings: MqttSettings, *, will: tuple[str, bytes], timeout_s: float) -> None:
-        """Args:
-        settings: settings of the broker; mqtts checks its certificate.
-        will: topic and payload that the broker publishes, retained, if this connection breaks.
-        timeout_s: timeout for connecting, and for one acknowledgement.
-        """
+        """`will` are topic and payload that the broker publishes, retained, if this connection breaks."""
         from paho.mqtt import client as paho
         from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
@@ -246,11 +233,7 @@ class MqttConnection:
         self._most_bytes = 0
 
     async def open(self) -> None:
-        """Connect.
-
-        Raises:
-            DeliveryError: no broker there, or it refuses the connection.
-        """
+        """Connect. DeliveryError: no broker there, or it refuses the connection."""
         try:
             await asyncio.to_thread(self._client.connect, self._host, self._port, KEEPALIVE_S)
         except (OSError, ValueError) as error:

@@ -7,10 +7,7 @@ webhook-signature: v1,<base64 of HMAC-SHA256 over "id.timestamp.body">
 
 {"id": "01JD...", "name": "P17", "state": "accepted", "text": "KX407251", ..., "delivery_id": 17}
 
-Receivers check the signature with a library of Standard Webhooks.
-
-Any answer 2xx says that it has arrived. Redirects are not followed: a result goes to the address that was given,
-and nowhere else.
+Any answer 2xx says that it has arrived. Redirects are not followed: a result goes to the address that was given.
 """
 
 from __future__ import annotations
@@ -58,13 +55,8 @@ class WebhookSender:
     """Post deliveries to a web address."""
 
     def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
-        """Args:
-            settings: http:// or https://, with a user and password as basic authentication; secret of the signature.
-            timeout_s: timeout for one delivery, from connecting to the answer's end.
-
-        Raises:
-            SettingsError: a whsec_ secret that is no base64.
-        """
+        """`timeout_s`: of one delivery, from connecting to the answer's end. SettingsError: a whsec_ secret that is no
+        base64."""
         import httpx
 
         self._url, self._secret, self._timeout_s = settings.url, settings.secret, timeout_s
@@ -78,11 +70,7 @@ class WebhookSender:
         return False
 
     async def send(self, delivery: Delivery) -> None:
-        """Post a delivery.
-
-        Raises:
-            DeliveryError: no answer, or none that says it has arrived.
-        """
+        """Post a delivery. DeliveryError: no answer, or none that says it has arrived."""
         import httpx
 
         body, stamp = body_of(delivery), int(time.time())

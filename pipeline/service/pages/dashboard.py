@@ -93,8 +93,7 @@ class Chart:
     """Bars or lines over the steps of a trend; the template draws them.
 
     Attributes:
-        tick: distance of the lines across, in parts or per cent.
-        top: value at the top, a multiple of `tick`.
+        tick: distance of the lines across, in parts or per cent; `top` is a multiple of it.
         every: number of steps from one label to the next.
         lines: values by name; None at a step without parts.
     """
@@ -108,11 +107,7 @@ class Chart:
 
 
 def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
-    """Charts of parts, accepted ones and problems; none with fewer than two steps.
-
-    Args:
-        trend: hours or days, in order.
-    """
+    """Charts of parts, accepted ones and problems over hours or days; none with fewer than two steps."""
     if len(trend) < 2:
         return ()
     every = -(-len(trend) // _MOST_LABELS)

@@ -72,11 +72,7 @@ class Frame:
         )
 
     def reader_view(self, request: Request) -> View:
-        """The view of a caller with the right to look.
-
-        Raises:
-            DeniedError: the token is missing or does not allow it.
-        """
+        """The view of a caller with the right to look. DeniedError: the token is missing or does not allow it."""
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
@@ -154,12 +150,8 @@ class View:
 
 
 def page_of(parts: Sequence[PartRecord], path: str, query: dict[str, str], before: str) -> dict[str, Any]:
-    """A page of a list of parts, with the addresses of the first page and of the next.
-
-    Args:
-        found: parts from this page on, one more than the page shows if there are more.
-        before: last part of the page before; empty on the first page.
-    """
+    """A page of a list of parts (one more than it shows if there are more), with the addresses of the first and the
+    next page."""
     shown = parts[:PARTS_SHOWN]
     older = {**query, "before": shown[-1].id} if len(parts) > PARTS_SHOWN else {}
     return {

@@ -50,11 +50,8 @@ class Lesson(BaseModel):
     by: str = ""
 
     def taught(self) -> tuple[NamedLine, float | None]:
-        """The taught line, and the height of its characters.
-
-        Raises:
-            Problem: something that is not a number, no box, no text.
-        """
+        """The taught line, and the height of its characters. Problem: something that is not a number, no box, no
+        text."""
         if not self.text:
             raise Problem(422, "type the text that stands in the box")
         try:
@@ -175,7 +172,6 @@ def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
 def _propose_lines(
     part: PartRecord, reading: ReadingRecord | None, frame: PictureFrame | None, *, job: str
 ) -> Lesson:
-    """The line that was read; if the job has it, an unnamed line beside the serial, if any."""
     text, height, boxes = part.text, "", [] if reading is None else [c.box for c in reading.characters]
     if job:
         others = (line for line in (reading.lines if reading is not None else ()) if not line.name)

@@ -1,12 +1,5 @@
 """The pictures of a part with the boxes of its characters, in pixels, upright, cut to the line.
 
-    picture, width x height pixels              view of the line
-    +--------------------------------+          +----------------+
-    |        +--+ +--+ +--+          |  ----->  |  +--+ +--+ +--+|
-    |        |K | |X | |4 |          |          |  |K | |X | |4 ||
-    |        +--+ +--+ +--+          |          |  +--+ +--+ +--+|
-    +--------------------------------+          +----------------+
-
 The middle of pixel (0, 0) is (x0_mm, y0_mm); on the page its corner is the origin, so that middle is (0.5, 0.5).
 A line that runs upwards, downwards or upside down is turned by quarters, so that boxes stay parallel to the axes.
 """
@@ -93,8 +86,8 @@ class PictureBox:
     """A character on a picture.
 
     Attributes:
-        place: place of the part's reading that is chosen with it; None where none matches it.
-        char, doubt: character and doubt of the reading that has found the box.
+        place: of the part's reading that is chosen with it; None where none matches it.
+        char, doubt: of the reading that has found the box.
     """
 
     place: int | None
@@ -111,13 +104,12 @@ class PictureView:
     """A picture on the page.
 
     Attributes:
-        href: address; empty if there is none to be shown.
-        note: why there is none, or what to know about it.
+        href: empty if there is none to be shown; `note` says why, or what to know about it.
         frame: None if unknown.
-        source: source of the reading whose boxes are drawn; empty if none are.
+        source: of the reading whose boxes are drawn; empty if none are.
         turns: quarters counterclockwise by which it is turned.
         whole, line: views of the whole picture and of the line.
-        takes_room: whether there is a picture, or one to come or lost; an edge map that nobody waits for takes no room.
+        takes_room: there is a picture, or one to come or lost; an edge map that nobody waits for takes no room.
     """
 
     which: str
@@ -141,8 +133,8 @@ class PictureView:
 def picture_pair(story: PartStory, folder: EvidenceFolder) -> tuple[PictureView, PictureView]:
     """The photograph and the tactile edge map.
 
-    Where the part's reading is by touch and the camera has found another line, the photograph is shown whole and
-    without the camera's boxes.
+    Where the reading is by touch and the camera has found another line, the photograph is whole, without the camera's
+    boxes.
     """
     by_camera, by_touch = (last_reading(story.readings, sources) for sources in (("vision",), TOUCH))
     same = by_camera is None or _same_line(by_camera, story.part.reading)

@@ -1,9 +1,4 @@
-"""A reading for the operator's page: places, their doubts, and the text over them.
-
-text      K  X     4  0  7     (as it stands; a person may have changed it, a space has no place)
-           \\  \\     \\  \\  \\
-places     0  1     2  3  4     (of the reading)
-"""
+"""A reading for the operator's page: places, their doubts, and the text over them, in which a space has no place."""
 
 from __future__ import annotations
 
@@ -33,11 +28,10 @@ class Place:
     """One place of a reading.
 
     Attributes:
-        index: index from 0.
-        char: the best candidate; "?" without any.
+        index: from 0.
         doubt: mismatch, not read, confused, unsure or least sure; empty if there is none.
         words: the state in the reader's words, such as "confused 8/B".
-        grade: grade of the mark, A to F; empty where it was not graded.
+        grade: A to F; empty where it was not graded.
         candidates: those worth showing, best first.
     """
 
@@ -51,12 +45,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Cell:
-    """One character of a text.
-
-    Attributes:
-        place: it is read at; None where no place of the reading answers to it.
-        doubt: doubt of that place.
-    """
+    """One character of a text; `place` is None where no place of the reading answers to it."""
 
     char: str
     place: int | None
@@ -70,10 +59,8 @@ def margin(character: CharacterRecord) -> float:
 
 
 def places_of(reading: ReadingRecord | None) -> tuple[Place, ...]:
-    """The places of a reading; none without one.
-
-    Where the reading is not accepted and yet no place is in doubt by itself, the least sure one is where to look.
-    """
+    """The places of a reading; where it is not accepted and none is in doubt by itself, the least sure one is where to
+    look."""
     if reading is None:
         return ()
     doubts = [_doubt(c) for c in reading.characters]

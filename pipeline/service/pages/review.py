@@ -1,9 +1,4 @@
-"""Pages of the person at the line: the queue, and one part to confirm, correct, or read blind.
-
-queue -> part --Enter--> part --Enter--> part ... -> queue, empty
-
-A second reader and an auditor read blind: they see pictures, and nothing of what was read.
-"""
+"""Pages of the person at the line: the queue, and one part to confirm, correct, or read blind (no reading is shown)."""
 
 from __future__ import annotations
 

@@ -86,14 +86,8 @@ class Stage(Protocol):
     """
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
-        """Feel the part that lies under the whiskers, and write a recording.
-
-        Returns:
-            The recording (.h5), in the frame of the order's region.
-
-        Raises:
-            StageError: it could not be scanned, and what to do.
-        """
+        """Feel the part under the whiskers; returns the recording (.h5) in the frame of the order's region. StageError:
+        it failed."""
 
 
 def has_sessions(stage: Stage | SessionStage[ScanOrder]) -> TypeGuard[SessionStage[ScanOrder]]:
@@ -105,30 +99,20 @@ class Camera(Protocol):
     """Take photographs of parts."""
 
     def take(self, part_name: str) -> Path | Sequence[Path]:
-        """Photograph the part that lies under the camera, once or under several lights.
-
-        Raises:
-            StageError: no photograph, and what to do.
-        """
+        """Photograph the part that lies under the camera, once or under several lights. StageError: no photograph."""
 
 
 @dataclass(frozen=True)
 class FolderCamera:
-    """A folder in which a camera's own program saves its photographs; the service waits for a new one.
-
-    Photographs are named as the parts, or as `part.light-1.png` and so on. `early_s` is the time by which one may be
-    older than its trigger.
-    """
+    """A folder in which a camera's program saves photographs, named as parts; they may be older than the trigger by
+    `early_s`."""
 
     folder: Path
     early_s: float = 0.0
 
     def pictures(self, part_name: str) -> dict[Path, FileStamp]:
-        """The photographs of a part at one look, one that is named as the part before those of several lights.
-
-        Raises:
-            StageError: a name that cannot be a file's.
-        """
+        """The part's photographs at one look, one named as the part before a set. StageError: a name that cannot be a
+        file's."""
         return {path: stamp_of(path.stat()) for path in _files_of(self.folder, part_name, PHOTO_SUFFIXES)}
 
     def missing(self, part_name: str, *, older: bool, waited_s: float) -> StageError:
@@ -145,21 +129,15 @@ class FolderCamera:
 
 @dataclass(frozen=True)
 class SimulatedStage:
-    """Feel height maps of a folder, named as the parts, with the virtual array; .npz with its soil.
-
-    Attributes:
-        reading: its whisker, sensors and fidelity.
-        seed: seed of the sensors' gains, offsets and noise.
-    """
+    """Feel height maps of a folder, named as the parts, with the virtual array and its `seed`; .npz with its soil."""
 
     folder: Path
     reading: ReadSettings = field(default_factory=ReadSettings)
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Mount the part's height map, to be felt pass by pass within the order's region.
-
-        The camera's axis meets the middle of the map.
+        """Mount the part's height map, its middle under the camera's axis, to be felt pass by pass within the order's
+        region.
 
         Raises:
             StageError: no such part, a map that cannot be scanned, or a region off the part.
@@ -202,9 +180,8 @@ class BenchStage:
         self._bench: Bench | None = None
 
     def open(self, order: ScanOrder) -> StageSession:
-        """The part under the comb, in the frame of the order's region.
-
-        The camera's axis meets the plate at `camera_mm` (default: the middle of the field).
+        """The part under the comb, in the frame of the order's region; the camera's axis meets the plate at
+        `camera_mm`.
 
         Raises:
             StageError: the bench cannot be opened or homed, or the region is off its field.
@@ -223,12 +200,7 @@ class BenchStage:
 
 
 def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionStage[ScanOrder] | None:
-    """The stage of the service; None if it has none.
-
-    Raises:
-        FileError: no such folder, or an unusable bench file.
-        SettingsError: no such driver.
-    """
+    """The stage of the service; None if it has none. FileError, SettingsError: no such folder, bench file or driver."""
     if not settings.device:
         return None
     if is_driver(settings.device):
@@ -243,12 +215,7 @@ def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionS
 
 
 def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:
-    """The camera of the service; None if it has none.
-
-    Raises:
-        FileError: no such folder.
-        SettingsError: no such driver.
-    """
+    """The camera of the service; None if it has none. FileError, SettingsError: no such folder or driver."""
     if not settings.device:
         return None
     if is_driver(settings.device):
@@ -263,11 +230,8 @@ def is_driver(device: str) -> bool:
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
-    """Make a driver by calling "module:callable"; it must have one of the methods `verbs` (open, feel, take).
-
-    Raises:
-        SettingsError: no such module or callable, or a driver without any of the methods.
-    """
+    """Make a driver by calling "module:callable"; it must have one of the methods `verbs`. SettingsError: it cannot be
+    made."""
     driver = load_named(named, what="driver", error=SettingsError)()
     if not any(callable(getattr(driver, verb, None)) for verb in verbs):
         wanted = " or ".join(map(repr, verbs))
@@ -284,11 +248,8 @@ def _there(folder: Path, what: str) -> Path:
 
 
 def _files_of(folder: Path, part_name: str, suffixes: Sequence[str]) -> Sequence[Path]:
-    """The part's files in the folder, by the order of the suffixes, before those of its set; never a file elsewhere.
-
-    Raises:
-        StageError: a name that cannot be a file's.
-    """
+    """The part's files in the folder, those of its set last; never a file elsewhere. StageError: the name cannot be a
+    file's."""
     if not part_name:
         raise StageError("the part has no name", "give the name of its file without the ending")
     plain = part_name.isprintable() and len(part_name.encode()) <= _LONGEST_NAME

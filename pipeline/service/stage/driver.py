@@ -5,11 +5,8 @@
 
     worker: reader --pass--> LinkedStage <== connection ==> StageLink: the driver's session --> whiskers
 
-* A driver that hangs blocks neither other work nor the end of the service.
-* A driver is never called by two threads at once.
-* Every call ends within its time: with the driver's answer, its exception, or StageDownError.
-* While a call hangs, others are refused at once; when it returns at last, the driver is used again.
-* The thread is a daemon: a driver that never returns does not keep the process alive.
+* A driver is never called by two threads at once, and blocks neither other work nor the end of the service. While a
+  call hangs, others are refused at once; when it returns at last, the driver is used again.
 * A driver stays in the service's process; its session is closed when the worker has done, has failed, or is gone.
 * A worker imports this module, so it imports nothing of the web.
 """
@@ -56,12 +53,7 @@ class StageDownError(StageError):
 
 
 class DriverThread:
-    """Call one driver.
-
-    Attributes:
-        what: camera or stage, for messages.
-        timeout_s: timeout for one call, with its wait for those before, unless the caller says another.
-    """
+    """Call one driver, a camera or a stage; `timeout_s` is for one call with its wait for those before."""
 
     def __init__(self, what: str, *, timeout_s: float) -> None:
         self.what, self.timeout_s = what, timeout_s
@@ -195,11 +187,8 @@ class LinkedStage:
 
 
 class StageLink:
-    """The service's end: serve one session of a driver to one worker.
-
-    Attributes:
-        down: fault that kept the driver from answering; None if it has answered every call.
-    """
+    """The service's end: serve one session of a driver to one worker; `down` is the fault that kept it from
+    answering."""
 
     def __init__(self, stage: SessionStage[ScanOrder], thread: DriverThread) -> None:
         key = secrets.token_bytes(32)
@@ -245,7 +234,6 @@ class StageLink:
         work: Callable[[Any], Any],
         shown: Callable[[Any], Any] = lambda result: result,
     ) -> Any:
-        """Answer the worker with the error, or with `shown` of the result; return the result, None if it fails."""
         question, result = connection.recv(), None
         try:
             result = self._driver.call(partial(work, question))

@@ -67,19 +67,10 @@ NO_LIMIT = TouchCall()
 
 
 class StageWork:
-    """The stage at work.
-
-    Attributes:
-        thread: thread that its driver is called in; knows its faults.
-        by_pass: it feels parts pass by pass; else it scans the whole plan.
-        knows_place: its driver can say whether a part lies under the whiskers.
-    """
+    """The stage at work: it feels `by_pass`, or scans the whole plan; its `thread` knows the driver's faults."""
 
     def __init__(self, stage: Stage | SessionStage[ScanOrder] | None, *, timeout_s: float = 60.0) -> None:
-        """Args:
-        stage: the driver; None: scans are sent to the service.
-        timeout_s: timeout for one call of a real stage; a whole plan may take its own time beside.
-        """
+        """`timeout_s`: for one call of a real stage; a whole plan may take its own time beside."""
         self._stage, self.there = stage, stage is not None
         self.by_pass = stage is not None and has_sessions(stage)
         self.knows_place = callable(getattr(stage, "is_in_place", None))
@@ -88,10 +79,7 @@ class StageWork:
 
     @contextlib.asynccontextmanager
     async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker while a part lies under the whiskers.
-
-        Args:
-            call: it is known to lie there while this lasts.
+        """Lend the stage to a worker while a part lies under the whiskers, during a call.
 
         Raises:
             StageDownError: it does not answer.
@@ -163,12 +151,7 @@ class StageWork:
 
 @dataclass(frozen=True)
 class CameraPictures:
-    """Pictures that the camera has taken of a part.
-
-    Attributes:
-        photos: copies of them.
-        keys: keys of the pictures in the camera's folder, none of which another part may be read from.
-    """
+    """Copies of the camera's pictures, and keys of the originals, from which no other part may be read."""
 
     photos: list[Upload]
     keys: tuple[str, ...] = ()
@@ -216,10 +199,8 @@ class CameraWork:
         folder: Path,
         known: Callable[[Iterable[str]], Collection[str]],
     ) -> CameraPictures:
-        """Wait for a picture newer than the trigger that is whole and stands still, or for a set of them.
-
-        One that has come but is not whole when the time is over is taken as it is.
-        """
+        """Wait for a new picture, or a set, that is whole and stands still; at the end of the time it is taken as it
+        is."""
         look = partial(camera.pictures, name)
         began_s, earliest_ns = time.monotonic(), time.time_ns() - round(1e9 * camera.early_s)
         before = await self.thread.call_async(look)

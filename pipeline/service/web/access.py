@@ -58,16 +58,12 @@ class Caller:
 class Access:
     """Identifies the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
 
-    * The cookie names a session that the store keeps (`pipeline.store.access`); signing out ends it.
-    * `token_of` is asked once a request, at the door; the routes ask `caller`, which remembers.
+    The cookie names a session that the store keeps (`pipeline.store.access`). `token_of` is asked once a request, at
+    the door; the routes ask `caller`, which remembers.
     """
 
     def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
-        """Args:
-        store: store that keeps tokens and sessions.
-        required: whether all callers need a token.
-        own_user: whether callers of other users of this machine need one, as the door has found them.
-        """
+        """`own_user`: whether callers of other users of this machine need a token, as the door has found them."""
         self._store, self.required, self.own_user = store, required, own_user
 
     def asked(self, request: HTTPConnection) -> bool:
@@ -75,11 +71,8 @@ class Access:
         return self.required or bool(getattr(request.state, "other_user", False))
 
     def caller(self, request: HTTPConnection, *scopes: Scope) -> Caller:
-        """The caller, if the request is allowed: with one of the scopes.
-
-        Raises:
-            DeniedError: no token, one that does not hold, or one without such a scope.
-        """
+        """The caller, if the request is allowed with one of the scopes. DeniedError: no token, or none that holds with
+        a scope."""
         record: TokenRecord | None = getattr(request.state, "token", None)
         if record is None:
             try:
@@ -94,11 +87,7 @@ class Access:
         return Caller(record.scopes, record.name)
 
     def token_of(self, request: HTTPConnection) -> TokenRecord:
-        """The token of a request.
-
-        Raises:
-            DeniedError: it has none, or one that does not hold.
-        """
+        """The token of a request. DeniedError: it has none, or one that does not hold."""
         kind, _, secret = request.headers.get("authorization", "").partition(" ")
         bearer, cookie = kind.lower() == "bearer", request.cookies.get(COOKIE, "")
         if not (bearer or cookie):
@@ -120,10 +109,8 @@ def is_in(address: str, networks: Iterable[str]) -> bool:
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:
-    """Whether a connection comes from a program of the user that runs this one.
-
-    True where that cannot be determined: on systems other than Linux, and for callers without a socket.
-    """
+    """Whether a connection is of the user that runs this program; True where that cannot be seen (not Linux, no
+    socket)."""
     uid = user_of(client, server)
     return uid is None or uid == os.geteuid()
 

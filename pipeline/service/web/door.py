@@ -62,10 +62,8 @@ class Door:
 
     A page of another site in the operator's browser must not reach the service: neither its forms and scripts nor, if
     no token is required, a host name of its own that points to this machine. If no token is required, a proxy must be
-    named in the settings: through it, every caller looks like one on this machine. The metrics need no token, except
-    through a proxy.
-
-    HEAD is answered as GET without the body. A proxy's prefix (`root_path`) is removed from the path.
+    named in the settings: through it, every caller looks like one on this machine. HEAD is answered as GET without
+    body.
     """
 
     def __init__(
@@ -78,12 +76,8 @@ class Door:
         metrics: Metrics,
         busy: Callable[[], float | None],
     ) -> None:
-        """Wrap the application.
-
-        Args:
-            upload_bytes: largest request with files.
-            busy: gives the seconds after which to send a part again, None while there is room.
-        """
+        """`upload_bytes`: largest request with files. `busy`: seconds after which to send a part again; None while
+        there is room."""
         self._upload_bytes = upload_bytes
         self._app, self._settings, self._access, self._metrics = app, settings, access, metrics
         self._busy = busy
@@ -170,8 +164,8 @@ class Door:
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
         """Refuse requests from pages of other sites (cross-site request forgery), by the headers of browsers.
 
-        Programs that are no browsers send neither header. Browsers send Sec-Fetch-Site over TLS and to this machine,
-        and Origin with every request that may change something.
+        Browsers send Sec-Fetch-Site over TLS and to this machine, and Origin with every request that may change
+        something.
         """
         site, origin = headers.get("sec-fetch-site"), headers.get("origin")
         if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):

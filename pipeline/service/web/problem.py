@@ -85,10 +85,8 @@ def stopping() -> Problem:
 
 
 class OwnProblem(Problem):
-    """One of the service's own files, jobs or glyph databases cannot be used now.
-
-    What was sent may be sent again later.
-    """
+    """One of the service's own files, jobs or glyph databases cannot be used now; what was sent may be sent again
+    later."""
 
     def __init__(self, detail: str, *, retry_after_s: int = 5) -> None:
         super().__init__(503, detail, headers={"Retry-After": str(retry_after_s)})

@@ -38,14 +38,7 @@ _NOT_QUOTED = {ord(char): "_" for char in '"\\\r\n'}
 
 @dataclass(frozen=True)
 class Upload:
-    """An uploaded file.
-
-    Attributes:
-        path: path of the saved file, under a name of our own.
-        name: the sender's name of the file, for messages only.
-        kind: photograph, scan or height map.
-        sha256: hash of its content; empty if not requested.
-    """
+    """An uploaded file, saved under a name of our own; `name` is the sender's, for messages only."""
 
     path: Path
     name: str
@@ -60,11 +53,7 @@ class Upload:
 
 
 def check_count(photos: int) -> None:
-    """Refuse too many photographs of a part.
-
-    Raises:
-        Problem: 422.
-    """
+    """Refuse too many photographs of a part. Problem: 422."""
     if photos > MOST_PHOTOS:
         raise Problem(422, f"there are {photos} photos; {MOST_PHOTOS} of a part are allowed")
 
@@ -76,14 +65,8 @@ def sent_name(name: str | None) -> str:
 
 
 async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1) -> Upload:
-    """Write an upload into the folder.
-
-    Args:
-        number: number of the photograph, if there are several.
-
-    Raises:
-        Problem: 415 for an unsupported kind of file, 422 for an empty one.
-    """
+    """Write an upload into the folder; photographs have numbers. Problem: 415 for another kind of file, 422 for an
+    empty one."""
     import anyio.to_thread
 
     name = sent_name(sent.filename)
@@ -106,15 +89,8 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
 
 
 def suffix_of(role: str, name: str, head: bytes) -> str:
-    """The suffix for the kind of a file: from its first bytes for a photograph, from its name for a scan.
-
-    Args:
-        name: name of the file, for messages and scans.
-        head: its first bytes, as many as `HEAD_BYTES`.
-
-    Raises:
-        Problem: 415 for an unsupported kind of file.
-    """
+    """The suffix for a file: by its first `HEAD_BYTES` for a photograph, by its name for a scan. Problem: 415, another
+    kind."""
     if role == "photo":
         kind = kind_of(head)
         if kind is None:
@@ -153,8 +129,8 @@ class _Parser(MultiPartParser):
 class FormRoute(APIRoute):
     """A route for forms: fields that are unknown, come twice or have text for a file are refused.
 
-    Files with only `filename*` (RFC 5987) are uploads. Older HTTP libraries send files so; the form parser then treats
-    them as text.
+    Files with only `filename*` (RFC 5987), as older HTTP libraries send them, are uploads; the form parser takes them
+    for text.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:

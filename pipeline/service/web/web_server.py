@@ -3,9 +3,7 @@
 * After a first SIGTERM, SIGINT or SIGHUP it keeps answering for `drain_s` and reports that it is stopping; a second one
   stops it at once.
 * A connection that has not done its TLS handshake, or sent a whole request head, within HEAD_S is closed; so is one
-  whose caller does not read its answer.
-* One address has a limited number of connections; more are closed as they come. A trusted proxy, which connects for
-  many callers, has no limit. If there are too many in all, the longest idle one of the busiest address is closed.
+  whose caller does not read its answer. One address has a limited number of them; a trusted proxy has no limit.
 * A request that is answered before all of it has come gets its answer: the rest is read and dropped for LINGER_S.
   A connection closed with bytes unread is reset by the system, and a proxy then has no answer to pass on (502).
 """
@@ -47,11 +45,7 @@ class DrainingServer(uvicorn.Server):
     """A web server that announces for a while that it is stopping; a second signal stops it at once."""
 
     def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
-        """Args:
-        config: settings of uvicorn.
-        drain: called when the server is told to stop.
-        drain_s: seconds for which it still answers.
-        """
+        """`drain` is called when the server is told to stop; it still answers for `drain_s`."""
         super().__init__(config)
         self._drain, self._drain_s = drain, drain_s
         self._stop_at_s: float | None = None
@@ -82,17 +76,12 @@ class DrainingServer(uvicorn.Server):
 
 
 class Room:
-    """Open connections of the web server: so many in all, and from one address.
-
-    If there are too many in all, the longest idle one of the address with the most is closed.
-    """
+    """Open connections, limited in all and from one address; if too many, the longest idle one of the busiest address
+    goes."""
 
     def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
-        """Args:
-        an_address: connections that one address may have.
-        most: connections in all.
-        proxies: addresses and networks that may have any number.
-        """
+        """`an_address`: connections that one address may have; `proxies`, addresses and networks, may have any
+        number."""
         self._an_address, self._most, self._proxies = an_address, most, proxies
         self._open: set[_OpenConnection] = set()
         self._log = SparingLog("web interface")
@@ -132,13 +121,8 @@ class _OpenConnection(Protocol):
 def patient_protocol(
     room: Room, *, tls: ssl.SSLContext | None = None, head_s: float = HEAD_S, write_s: float = WRITE_S
 ) -> Any:
-    """Make the factory of HTTP protocols, with time limits for handshakes, request heads and answers.
-
-    Args:
-        tls: certificate and key; None: no TLS.
-        head_s: seconds for a handshake, and for the head of a request.
-        write_s: seconds within which a caller must read what is written.
-    """
+    """Make the factory of HTTP protocols, with limits in s for handshakes and request heads, and for reading
+    answers."""
 
     class PatientProtocol(H11Protocol):
         _head_timer: asyncio.TimerHandle | None = None
@@ -260,10 +244,8 @@ class _Handshake(asyncio.Protocol):
 
 
 class _Lingering:
-    """A transport that, if a request was not read to its end, closes in two steps.
-
-    It ends our side, then reads and drops the rest for LINGER_S or until the caller closes.
-    """
+    """A transport that, if a request was not read to its end, first ends our side, then reads on for LINGER_S before it
+    closes."""
 
     def __init__(self, transport: Any, protocol: H11Protocol, *, write_s: float) -> None:
         self._transport, self._protocol, self._write_s = transport, protocol, write_s
