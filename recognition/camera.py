@@ -81,7 +81,6 @@ class VisionReader:
         return evidence.logged(stopped=deadline.stopped, whole_photo=whole if cropped else None)
 
     def _of_part(self, photo: Photo, request: LineRequest, codes: Sequence[Code]) -> SenseEvidence | None:
-        """Evidence of the part of a large photograph with the most promising line; None if none is sure."""
         looks = Looks(deadline=request.deadline)
         search = search_of(photo_view(without_codes(shrunk(photo, LARGE), codes)), request, looks)
         lines = read_wide(search)
@@ -118,7 +117,6 @@ class VisionReader:
     def _of_size(
         self, photo: Photo, request: LineRequest, codes: Sequence[Code], about: Sequence[TextLine]
     ) -> SenseEvidence:
-        """Look at the photograph; if it is not sure, also without stains, which must be clearly surer to count."""
         times, bare = StepTimes(), without_codes(photo, codes)
         with times.step("see"):
             views, left_out = photo_views(bare)

@@ -138,10 +138,7 @@ class Reader:
         return self.decide(touch.evidence.joined(vision.evidence))
 
     def verify(self, reading: Reading, expected: str) -> Reading:
-        """Decide again on a part that should read a text; the verdict is `reading.trace.verification`.
-
-        Raises ValueError for a reading without evidence, VerifyError for a text that cannot be looked for.
-        """
+        """Decide again on a part that should read a text (`trace.verification`). Raises ValueError, VerifyError."""
         if reading.evidence is None:
             raise ValueError("only readings of this reader can be verified: others have no evidence")
         return self.decide(replace(reading.evidence, expected=expected))

@@ -55,10 +55,8 @@ class ReaderSettings:
             the marks.
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
-        experts: names of `EXPERTS` that read (default: all).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
             (default: anywhere).
-        lines: formats and regions of other lines on the part, by name.
         orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
         limit_s: seconds after which a sense searches a part no further (default: no limit). A text whose search was cut
             short is not accepted.

@@ -44,7 +44,6 @@ class Surface:
             review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
         feel: function that scans the surface (default: the virtual array of the reader by the default plan).
         stage: opens a stage on which the part is felt pass by pass instead; it goes with `budget_s`.
-        region_mm: region of the line on the map, if known; used pass by pass only.
     """
 
     height_map: HeightMap

@@ -173,7 +173,6 @@ class _Part:
         return ended
 
     def _next(self, *, left_s: float) -> Step | StopReason:
-        """Choose the cheapest step that adds lines missing to exclude rivals of a sure text, or else ask the policy."""
         # the lines of a dead whisker stay missing whatever is felt, so a way gets at most FIRST lines here
         ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
         wanted = [
@@ -225,7 +224,6 @@ class _Part:
         return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - self.accept)
 
     def _stop_reason(self) -> StopReason | None:
-        """Make a full reading; return a reason to stop (sure, or touch cannot resolve its doubts), or None."""
         self.evidence, self.looks_since = self._full_evidence(), 0
         reading = self._reading_of(self.evidence)
         self.watch.follow(reading.trace.line, confidence=reading.confidence)

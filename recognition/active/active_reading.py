@@ -41,12 +41,7 @@ class PassFelt:
 
 @dataclass(frozen=True, eq=False)
 class ActiveReading:
-    """The reading of a part, and the steps that led to it.
-
-    Attributes:
-        steps: for each step its direction, its lines per half character height, and the confidence after it.
-        sure_at_look: whether a full reading between two steps was sure and ended touch.
-    """
+    """The reading of a part, and the steps that led to it: direction, lines per half height, confidence after it."""
 
     evidence: SenseEvidence
     reading: Reading

@@ -108,7 +108,6 @@ def between(k: int) -> float:
 def _stretch_to_cover(
     across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
 ) -> tuple[float, float]:
-    """Range that lines must cover: the region without the land at edges that the field does not cut off."""
     cut = [abs(a - b) < 1e-6 for a, b in zip(across, field, strict=True)]
     low = across[0] + (0.0 if cut == [True, False] else rim_mm)
     high = across[1] - (0.0 if cut == [False, True] else rim_mm)
@@ -116,7 +115,6 @@ def _stretch_to_cover(
 
 
 def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
-    """Passes that cover a region with lines one whisker pitch apart, on one raster for the whole field."""
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
     (x0, y0, x1, y1), field = region_mm, fitting.field_mm

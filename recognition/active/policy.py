@@ -24,11 +24,7 @@ WORTH_S = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """Steps and confidences so far.
-
-    Attributes:
-        steady: number of consecutive looks just before the last that had its text and a confidence above 0.5.
-    """
+    """Steps and confidences so far; `steady` is the number of looks before the last with its text, above 0.5."""
 
     fitting: Fitting
     lines: Mapping[Way, int] = field(default_factory=lambda: MappingProxyType({}))
@@ -121,10 +117,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Greedy:
-    """Choose the step with the greatest gain per stage time; stop if none is worth its time.
-
-    The gain is the chance that the serial is sure within the next `LOOKS_AHEAD` looks (`recognition.active.gain`).
-    """
+    """Choose the step with the greatest `gain` per stage time; stop if none is worth its time."""
 
     gain: Gain = field(default_factory=fitted_gain)
     worth_s: float = WORTH_S

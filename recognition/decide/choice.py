@@ -31,12 +31,7 @@ DOUBTFUL = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The text that is chosen from the evidence, and what was measured for it.
-
-    Attributes:
-        alone: readings of each sense alone, if both have looked.
-        lattice: posteriors of the places under the format; None if no line was found.
-    """
+    """The text that is chosen from the evidence, and what was measured for it; readings of each sense `alone`, if both."""
 
     senses: tuple[SenseEvidence, ...]
     alone: Mapping[str, Reading] = field(default_factory=lambda: MappingProxyType({}))

@@ -50,7 +50,6 @@ class Kind(Enum):
 
     Attributes:
         CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.
-        SCORE: nothing was read, or the score is too low.
         EXPLANATION: why a score is low; breaks no contract by itself.
         MARK: a rule that the user set for the mark is broken; the part goes to review.
         STAGE: not all that was requested could be scanned; the part goes to review.

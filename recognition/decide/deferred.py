@@ -14,8 +14,6 @@ T = TypeVar("T")
 
 
 class _Deferred(Generic[T]):
-    """A value that is computed once; pickled as the value."""
-
     def __init__(self, compute: Callable[[], T]) -> None:
         self._compute = compute
 
@@ -37,8 +35,6 @@ def deferred(compute: Callable[[], T]) -> T:
 
 
 class _DeferrableField:
-    """Descriptor of a field that holds a value or a deferred one."""
-
     def __init__(self, name: str, default: object) -> None:
         self._name, self._default = name, default
 

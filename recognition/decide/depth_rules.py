@@ -27,11 +27,7 @@ class DepthRuleError(MarksError, ValueError):
 
 @dataclass(frozen=True)
 class DepthWindow:
-    """Allowed depths of characters of some height.
-
-    Attributes:
-        least_mm: least depth below the flat surface, everywhere along every character.
-    """
+    """Allowed depths below the flat surface, everywhere along every character, of characters of some height."""
 
     least_mm: float
     most_mm: float = math.inf
@@ -59,11 +55,7 @@ class DepthWindow:
 
 @dataclass(frozen=True)
 class DepthRule:
-    """Limits of depth, burr and size that a mark must keep.
-
-    Attributes:
-        least_height_mm: least height of the characters at the bottom of the marks (print size).
-    """
+    """Limits of depth, burr and size (at the bottom of the marks) that a mark must keep."""
 
     name: str
     windows: tuple[DepthWindow, ...] = ()

@@ -75,10 +75,7 @@ class DecisionSettings(Protocol):
 class Log:
     """Notes, seconds and faults of a sense, beside what it read.
 
-    Attributes:
-        rows_known: whether the order of the map's rows is known; of a photograph it is.
-        photo: photograph, with others of the same part; of one with a region only the area around it.
-        other_texts: texts of other looks that were more likely right than wrong; the surest look was chosen.
+    `other_texts` are those of other looks that were more likely right than wrong; the surest look was chosen.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -132,11 +129,7 @@ class SenseEvidence:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Evidence of a part from one sense or both.
-
-    Attributes:
-        other_texts: texts that earlier readings of the part gave and that were more likely right than wrong.
-    """
+    """Evidence of a part from one sense or both, with texts that its earlier readings gave."""
 
     touch: SenseEvidence | None = None
     vision: SenseEvidence | None = None

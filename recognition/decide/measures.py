@@ -204,11 +204,9 @@ class Measures(Mapping[Measure, float]):
         return float(value)
 
     def __iter__(self) -> Iterator[Measure]:
-        """The known measures; all groups are computed."""
         return (name for name in self._compute if name in self)
 
     def __len__(self) -> int:
-        """Number of known measures; all groups are computed."""
         return sum(1 for _ in self)
 
     def __reduce__(self) -> tuple[type[dict[Measure, float]], tuple[dict[Measure, float]]]:
@@ -305,6 +303,5 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
 
 
 def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
-    """Brightness divided by its median, so that exposure does not matter."""
     grey = np.asarray(photo.grey(), dtype=np.float64)
     return grey / max(float(np.median(grey)), darkest)

@@ -217,7 +217,6 @@ def _spread(values: NDArray[np.float32]) -> tuple[float, float]:
 
 
 def _boxes(axes: Axes, reading: Reading, *, labelled: bool = False) -> None:
-    """Draw the characters' boxes, with the characters above them, or inside if there is no room."""
     top = min(axes.get_ylim())
     for character in reading.characters:
         box = character.box

@@ -48,12 +48,7 @@ class Candidate:
 @deferrable("depth", "grade", "no_depth")
 @dataclass(frozen=True)
 class CharacterReading:
-    """One place of the line; depth and grade are measured when they are first read.
-
-    Attributes:
-        box: axis-parallel hull of the possibly rotated cell, mm.
-        state: read, confused, not read or mismatch; None where it was not determined.
-    """
+    """One place of the line, mm; depth and grade are measured when they are first read."""
 
     candidates: tuple[Candidate, ...]
     box: Box
@@ -109,9 +104,6 @@ class ReadingTrace:
     """Intermediate results of a reading; None where a step was not reached. Strokes are compared when first read.
 
     Attributes:
-        lattice: posteriors of the places, of the characters that the format allows at each; None for a fused reading.
-        open_lattice: posteriors without the format; None where they were not computed.
-        evidence: log probability of all texts that the format allows; None where it was not computed.
         faces: probability of each face of the library, and of each named font, that the text is in it; under the empty
             name that it is in none. Empty without such a comparison.
     """
@@ -151,10 +143,8 @@ class Reading:
     Attributes:
         font: font along whose strokes the marks are graded, or else the most probable face of the library
             (`ReadingTrace.faces`); empty if none fits.
-        height_mm: character height found, in `unit`.
         spaces_after: places, from 0, that a word gap follows.
         unit: unit of height and boxes: "mm", or "px" (pixels of the original photograph) if the scale is unknown.
-        threshold: least confidence for acceptance, which keeps that risk; None if none is required.
     """
 
     characters: tuple[CharacterReading, ...]
@@ -297,10 +287,7 @@ class Reading:
 
     @property
     def actions(self) -> tuple[Action, ...]:
-        """Action for each character's mark.
-
-        None for an accepted reading, for one whose marks stand otherwise, and for a place that is not of the format.
-        """
+        """Action for each character's mark; none for an accepted reading, other layouts, and places not of the format."""
         # imported here, so that storing or showing readings does not load the libraries that grade marks
         from recognition.marks.grade import Action
 

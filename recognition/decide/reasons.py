@@ -55,7 +55,6 @@ def _findings(reading: Reading, flag: ReadingFlag) -> tuple[Finding, ...]:
 
 
 def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Merge findings with the same explanation: "P or W at place 1, 3 or 2 at place 3: ..."."""
     merged: dict[str, Finding] = {}
     for finding in findings:
         head, colon, why = finding.text.partition(": ")

@@ -81,11 +81,7 @@ class Term:
 
 @dataclass(frozen=True)
 class RiskThreshold:
-    """The threshold of a risk, and the readings of left-out generators that showed it.
-
-    Attributes:
-        bound: upper bound of the share of wrong ones, one-sided, 95 %.
-    """
+    """The threshold of a risk, and its one-sided 95 % bound of wrong readings of left-out generators."""
 
     risk: float
     threshold: float

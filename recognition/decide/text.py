@@ -57,7 +57,6 @@ def _text_of_sense(sense: SenseEvidence, settings: DecisionSettings) -> Choice:
 def _text_of_both(
     felt: Choice, seen: Choice, settings: DecisionSettings, alone: Mapping[str, Reading]
 ) -> Choice:
-    """Text of the combined posteriors; of one sense if the other has read nothing, or other places."""
     if not alone["tactile"].characters:
         return seen if alone["vision"].characters else replace(felt, decoding=None, characters=())
     open_lattice = _fused(felt.open_lattice, seen.open_lattice) or felt.open_lattice
@@ -79,7 +78,6 @@ def _text_of_both(
 
 
 def _fused(felt: Lattice | None, seen: Lattice | None) -> Lattice | None:
-    """Combined posteriors; equally many places count as the same, as both read the line with the format."""
     if felt is None or seen is None or felt.n_places != seen.n_places:
         return None
     return fuse_lattices(felt, seen)

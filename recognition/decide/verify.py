@@ -58,12 +58,7 @@ class CharacterCheck:
 
 @dataclass(frozen=True)
 class Verification:
-    """The verdict and its evidence.
-
-    Attributes:
-        probability: probability of the expected text, or the score of a reading that is accepted with it; 0 if the
-            number of characters differs.
-    """
+    """The verdict and its evidence; the probability is 0 if the number of characters differs."""
 
     expected: str
     verdict: Verdict
@@ -75,10 +70,7 @@ class Verification:
     __repr__ = one_line
 
     def messages(self) -> tuple[str, ...]:
-        """Return the differences in words, with places of the text counted from 1.
-
-        If the numbers of characters differ by 2 or more, the places hardly correspond, and only the numbers are said.
-        """
+        """Return the differences in words; of numbers of characters that differ by 2 or more, only those."""
         differences = []
         if self.places != len(self.expected):
             differences.append(f"{self.places} characters were found where {len(self.expected)} are expected")
@@ -106,12 +98,7 @@ def verify(
     """Compare the posteriors of a line with the expected text.
 
     The lattice must have been made without knowledge of the text, and must allow other characters than the
-    expected ones.
-
-    Args:
-        least: least probability of "differs" for REFUTED, and of "same" for CONFIRMED without an accepted reading.
-            If any character mismatches, nothing is confirmed.
-
+    expected ones. Below a probability of `least`, nothing is confirmed or refuted. Raises VerifyError.
     Raises VerifyError.
     """
     if lattice is None:
@@ -154,7 +141,6 @@ def verify(
 
 
 def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tuple[int | None, str]]:
-    """Align places with expected characters by the greatest product of posteriors; None or "" is left over."""
     n, m = lattice.n_places, len(text)
     if n == m:
         return list(enumerate(text))

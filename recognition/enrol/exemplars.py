@@ -74,11 +74,7 @@ def cut_height_map(
     height_mm: float | None = None,
     good_score: float = 0.7,
 ) -> tuple[Cut, ...]:
-    """Cut out the characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
-
-    Raises ExemplarError: as in `cut_scan`, or no characters to be seen; MapError: a map that cannot be scanned, a soil
-    on another grid.
-    """
+    """Cut out the characters of a height map, scanned as for reading (`cut_scan`). Raises ExemplarError, MapError."""
     height_map, soil = square_to_plate(height_map, soil)
     levelled, feel = level(height_map), virtual_feel(soil=soil)
     heights = felt_heights_mm(LineRequest(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
@@ -107,13 +103,9 @@ def _score(cuts: tuple[Cut, ...]) -> float:
 def cut_scan(
     scan: Scan, text: str, *, height_mm: float | None = None, least_likely: float = 0.15
 ) -> tuple[Cut, ...]:
-    """Cut out the characters of a recorded scan.
+    """Cut out the characters of a recorded scan, without those of which too little was felt.
 
-    Returns one exemplar per character, in order, without those of which too little was felt. Raises ExemplarError: no
-    text, no heights, or no marks that it fits; MapError: a scan that makes no edge map.
-
-    Args:
-        least_likely: geometric mean posterior per character, below which the text is taken not to fit the marks.
+    Raises ExemplarError: no text, no heights, or no marks that it fits; MapError: a scan that makes no edge map.
     """
     edges = edge_map(scan)
     relief, plain = relief_of(scan, edges), "".join(text.split())
@@ -190,12 +182,7 @@ def _fit_size(
 
 
 def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap_pull: float = 2.0) -> Floats:
-    """(n, 2) reach of each character's cell to its left and right, mm: to the least ink between two.
-
-    Args:
-        gap_pull: weight that pulls a gap to the half-way point: the cost, in ink of the fullest column, of lying one
-            spacing off it.
-    """
+    """(n, 2) reach of each character's cell to its left and right, mm: to the least ink between two."""
     u = ACROSS * line.height_mm
     apart, gaps = np.diff(places[:, 0]), []
     for between, wide in zip(0.5 * (places[:-1] + places[1:]), apart, strict=True):

@@ -84,12 +84,7 @@ class Hand:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A font made of exemplars.
-
-    Attributes:
-        used: for each character the indices of the exemplars from which its shape is made.
-        set_aside: indices of those that disagree with their siblings, or with what the character looks like.
-    """
+    """A font made of exemplars: those used for each character, and those set aside as they disagree."""
 
     font: Font
     used: Mapping[str, tuple[int, ...]]
@@ -118,9 +113,6 @@ def learn_font(
     Args:
         reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
             not known (`recognition.enrol.exemplars.Cut.relief`).
-        known: known fonts; the nearest one provides characters that were never felt.
-        vouching: whether it may vouch for exemplars with fewer than `FEWEST_SIBLINGS` that agree; else these teach
-            nothing.
     """
     if not known:
         raise ExemplarError("no known font is given", hint="name one for the characters never felt")
@@ -353,11 +345,7 @@ def align_relief(patch: Patch, reference: Patch) -> tuple[float, Patch]:
 def common_relief(
     patches: Sequence[Patch], which: Sequence[int], *, rounds: int = 2, most_leaders: int = 7
 ) -> tuple[Patch, tuple[int, ...]]:
-    """Median of the reliefs that agree, and their indices; if two disagree, only the first.
-
-    Args:
-        most_leaders: siblings, at most, among which the one most like the others is sought.
-    """
+    """Median of the reliefs that agree, and their indices; if two disagree, only the first."""
     first = (patches[which[0]], (which[0],))
     if len(which) == 1:
         return first

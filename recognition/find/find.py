@@ -61,7 +61,6 @@ def find(
     Args:
         views: views of the part in one frame, under different lights. Those after the first are read if the ones before
             are not enough.
-        about: positions of the part's lines, that of the serial first, if they are known.
         twice: look a second time even if one look is sure: templates need accurate places.
     """
     views, request = within_area(views, request)
@@ -118,7 +117,6 @@ def _read_closely(
 
 
 def _with_other_lines(search: Search, main: ReadLine, others: Iterable[ReadLine]) -> PartLines:
-    """The serial and the part's other lines, each in the orientations in which its text can be read."""
     named: dict[str, ReadLine] = {}
     for name, wanted in search.request.lines.items():
         line = _line_named(search, others, wanted)
@@ -162,7 +160,6 @@ def _serial_of(main: ReadLine, grammar: Grammar | None, *, least_places: int = 4
 def _line_named(
     search: Search, lines: Iterable[ReadLine], wanted: LineFormat, *, least_evidence: float = -4.0
 ) -> ReadLine | None:
-    """Line whose log probability of a format, in a region, is `least_evidence` or more; None if there is none."""
     fits = [
         read
         for line in lines
@@ -178,7 +175,6 @@ def _line_named(
 def _places(
     view: View, candidates: Iterable[ReadLine], *, most_candidates: int = 4, most_across: float = 0.9
 ) -> tuple[TextLine, ...]:
-    """The first few lines that do not overlap, without those across the whole view."""
     places: list[ReadLine] = []
     for line in candidates:
         across = line.line.length_mm > most_across * view.size_mm[0]

@@ -39,12 +39,7 @@ _LEAST_CELLS = 3
 
 @dataclass(frozen=True, eq=False)
 class FoundLine:
-    """A candidate line.
-
-    Attributes:
-        bent: its position along an arc; None if it hardly bends.
-        score: sum of the probabilities of its cells times their area in square character heights.
-    """
+    """A candidate line, and bent along an arc; the score counts cells by probability and area in square heights."""
 
     line: TextLine
     score: float
@@ -83,7 +78,6 @@ def find_lines(
 
 
 def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> TextLine:
-    """Limit a line's height to the tolerance of marks about the known height."""
     return TextLine(line.centre_mm, float(np.clip(line.height_mm, height_mm / nominal, height_mm * nominal)))
 
 
@@ -96,7 +90,6 @@ def _join(
     level: float = 0.4,
     broken: float = 6.0,
 ) -> FoundLine | None:
-    """Join two pieces of a line that dirt has broken, all limits in character heights; None if they do not fit."""
     a, b = piece.line, other.line
     height = 0.5 * (a.height_mm + b.height_mm)
     if abs(math.log(a.height_mm / b.height_mm)) > alike or abs(a.turned_deg - b.turned_deg) > parallel_deg:

@@ -63,11 +63,7 @@ def felt_heights_mm(
 ) -> list[float]:
     """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
 
-        feel: function that scans the surface (default: the array by a coarse plan).
-        first_lines: lines per height of `FIRST_HEIGHT_MM` of the coarse plan; characters half as high still have
-            thirteen.
-
-    Raises MapError for a map that cannot be scanned, NothingFeltError if nothing was felt.
+    Characters half as high as `FIRST_HEIGHT_MM` still have thirteen lines. Raises MapError, NothingFeltError.
     """
     if request.height_mm:
         return [request.height_mm]

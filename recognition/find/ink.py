@@ -37,12 +37,10 @@ def on_ink(
 ) -> tuple[TextLine, ...]:
     """Move, turn and bend a line onto the ink of its places; return it with its old height and with that of its ink.
 
-        rows: rows of the strip that is examined; a line may lie half a height off.
+    Args:
         usual_spread: standard deviation of ink down a character, heights: of clean characters of three fonts, at
             their true positions.
         least_change: least change of the logarithm of the height; fonts differ by less.
-        land_percent, edge_percent: percentiles of the slopes; below the first is land, above the second is clipped.
-        scatter: scatter of the middles of characters about their line, heights; those further off count less.
 
     Returns no line if no ink is seen or it already lies on the line; one line if the height suits; otherwise two.
     """
@@ -69,7 +67,6 @@ def on_ink(
 def _ink(
     strip: NDArray[np.float32], columns: Floats, half: float, land_percent: float, edge_percent: float
 ) -> tuple[Floats, Floats]:
-    """(places,) middle and standard deviation of the ink down each place, heights; NaN without ink."""
     surface = strip[HEIGHTS] if strip[HEIGHTS].any() else strip[GREY]
     slope = np.hypot(*np.gradient(surface)) * strip[KNOWN]
     land, most = np.percentile(slope, (land_percent, edge_percent))
@@ -88,7 +85,6 @@ def _ink(
 
 
 def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float) -> Floats:
-    """Fit a robust parabola to offsets; with few places a straight line or nothing."""
     from scipy.optimize import least_squares
 
     degree = min(2, max(0, (columns.size - 1) // 2))

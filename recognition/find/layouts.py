@@ -81,7 +81,6 @@ def other_layout(
 def _layouts(
     search: Search, main: ReadLine | None, lines: Sequence[TextLine], *, least_gain_nats: float = 2.0
 ) -> Iterator[Layout]:
-    """Layouts whose line exceeds the promise of the one that was read."""
     limits, grammar = search.request.limits, search.request.grammar
     least = least_gain_nats + (0.0 if main is None else promise_of(main))
 
@@ -107,7 +106,6 @@ def _layouts(
 def _columns(
     pieces: Sequence[TextLine], *, least_pieces: int = 3, aligned: float = 0.6
 ) -> list[tuple[TextLine, tuple[int, ...]]]:
-    """Column through lines below each other, which may be its characters, and its number of places."""
     if len(pieces) < least_pieces:
         return []
     middles = np.array([line.centre_mm.mean(axis=0) for line in pieces])
@@ -130,7 +128,6 @@ def _two_lines(
     alike: float = 1.6,
     clear: float = 0.8,
 ) -> Iterator[Layout]:
-    """The first two lines, one above the other, whose texts fit the format together."""
     grammar = search.request.grammar
     if grammar is None:
         return
@@ -151,10 +148,7 @@ def _two_lines(
 def _laid_side_by_side(
     view: View, line: TextLine, lengths: Sequence[int], *, usual_gap: float = 0.35
 ) -> Iterator[tuple[View, list[TextLine]]]:
-    """Cut a line that runs up or down into its characters, and lay them side by side from the top.
-
-    It is cut where there is land between the characters, and into equal pieces.
-    """
+    """Cut a line that runs up or down between its characters, or evenly, and lay them side by side from the top."""
     if not 60.0 <= abs(line.turned_deg) <= 120.0:
         return
     ends = lengthen(line, 0.5, 0.5).centre_mm
@@ -188,7 +182,6 @@ def _tiles(
     alike: float = 1.6,
     margin: float = 0.4,
 ) -> tuple[View, list[TextLine]] | None:
-    """Lay pieces of a column side by side; None if they are too few or unlike."""
     highs = np.array([last - first for first, last in pieces], dtype=np.float64)
     usual = float(np.median(highs))
     if highs.size < least_pieces or usual < 4.0 or np.abs(np.log(highs / usual)).max() > math.log(alike):
@@ -207,7 +200,6 @@ def _tiles(
 
 
 def _inked_rows(band: Layers, *, least_ink: float = 0.15, closed: float = 0.06) -> list[tuple[int, int]]:
-    """First and last row of each stretch of ink down a column (LAYERS, rows, columns)."""
     surface = band[HEIGHTS] if band[HEIGHTS].any() else band[GREY]
     slope = np.hypot(*np.gradient(surface)) * band[KNOWN]
     ink = np.minimum(slope, np.percentile(slope, 98.0)).mean(axis=1)

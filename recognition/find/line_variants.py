@@ -52,7 +52,6 @@ def anywhere(
 
 
 def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:
-    """Lines from left to right, with height and middle as shares of the view's height."""
     width, height = view.size_mm
     if width < 0.5 * height:
         return []

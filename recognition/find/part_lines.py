@@ -13,9 +13,7 @@ from recognition.see.text_line import TextLine
 
 @dataclass(frozen=True, eq=False)
 class PartLines:
-    """Lines read on a part, each in every orientation in which its text can be read; those that are not requested, and
-    places that look like the serial's, are in order of promise.
-    """
+    """Lines read on a part, in every orientation in which they can be read; candidates look like the serial's."""
 
     main: ReadLine | None
     named: Mapping[str, ReadLine] = field(default_factory=lambda: MappingProxyType({}))

@@ -20,12 +20,7 @@ def rank(lines: Iterable[ReadLine]) -> list[ReadLine]:
 
 
 def promise_of(read: ReadLine, *, turned_cost: float = 1.5, bent_cost: float = 0.05) -> float:
-    """Line score minus penalties for rotation and for an arc.
-
-    Args:
-        turned_cost: nats that a line which is upside down or runs down the plate must gain over a level line.
-        bent_cost: nats that an arc must gain over a straight line.
-    """
+    """Line score minus penalties, nats, for rotation and for an arc."""
     turned, bent = abs(read.line.turned_deg) > 45.0, len(read.line.centre_mm) > 2
     return read.promise - turned_cost * turned - bent_cost * bent
 

@@ -166,13 +166,11 @@ class Search:
     def _may_read(
         self, line: TextLine, *, most_columns: int = 4000, least_pixels: float = 4.0, most_sides: float = 1.4
     ) -> bool:
-        """Whether more looks are allowed, and a line shows its characters and fits the view."""
         least_mm, most_mm = least_pixels * self.view.pitch_mm, most_sides * min(self.view.size_mm)
         fits = line.columns() <= most_columns and least_mm <= line.height_mm <= most_mm
         return fits and self.may_run(line) and self.looks.may_look()
 
     def _other_text(self, best: TextLine, *, text_share: float = 0.15) -> list[TextLine]:
-        """Lines besides the best one that are probably text: with about three characters' share of its score."""
         return [
             candidate.line
             for candidate in self.finder_lines[1:]

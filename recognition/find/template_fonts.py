@@ -30,10 +30,7 @@ class MatchingLimits:
     """Resolution and range of a search by templates.
 
     Attributes:
-        coarse_pixels: pixels for each character height in the search.
-        fine_pixels: pixels for each character height in reading.
         smallest, largest: character heights, as shares of the view's smaller side.
-        apart_heights: least distance of two lines, character heights.
         beyond_heights: margin that is read before and after a line, in case it has more characters; character heights.
         off_heights: a line is read again if a character lies further from its row than this, character heights.
     """

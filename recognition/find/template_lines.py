@@ -119,7 +119,6 @@ class TemplateSearch(Search):
         return lines[: self._fonts.matching.most_lines]
 
     def _sizes_mm(self, font: Font, style: MarkStyle, *, sketch_pixels: int = 12) -> list[float]:
-        """Rank character heights by the most that templates explain along any row of the view."""
         if self.request.height_mm is not None:
             return [self.request.height_mm]
         matching = self._fonts.matching
@@ -174,7 +173,6 @@ class TemplateSearch(Search):
     def _place(
         self, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3
     ) -> _PlacedLine:
-        """Find the best chain of characters along a line that is `slack_heights` at most off its row."""
         pixels, beyond = glyphs.pixels, self._fonts.matching.beyond_heights
         slack = round(slack_heights * pixels)
         rows = HEIGHT_ROWS * (1.0 + 4.0 * slack_heights)
@@ -190,8 +188,6 @@ class TemplateSearch(Search):
 
 @dataclass(frozen=True, eq=False)
 class _PlacedLine:
-    """Characters along a line, their total reward, and their rows in the line's image."""
-
     line: TextLine
     image: Image
     total: float
@@ -202,7 +198,6 @@ class _PlacedLine:
 
     @property
     def columns(self) -> NDArray[np.float64]:
-        """Columns of the line's strip, shape (places,), with the margin of the image."""
         pixels = np.array([placed.column for placed in self.placed], dtype=np.float64)
         return (pixels + 0.5) * HEIGHT_ROWS / self.glyphs.pixels - 0.5
 
@@ -212,7 +207,6 @@ class _PlacedLine:
 
     @property
     def ends(self) -> NDArray[np.float64]:
-        """Columns at which the ink of the first character begins and that of the last one ends."""
         half = self.glyphs.half_cols * (HEIGHT_ROWS / self.glyphs.pixels)
         reach = -half[self.placed[0].template], half[self.placed[-1].template]
         return np.asarray(self.columns[[0, -1]] + reach)

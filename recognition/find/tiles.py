@@ -69,12 +69,7 @@ def _scales(
 
 
 def even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: float = 0.004) -> Floats:
-    """Even out the contrast of strokes, so that edges of a machine are no stronger than those of a mark.
-
-    Args:
-        strong_percent: percentile at which contrast is clipped before it is averaged.
-        least_contrast: contrast added to the average so that grain is not amplified, share of full brightness.
-    """
+    """Even out the contrast of strokes, so that edges of a machine are no stronger than those of a mark."""
     from glyphs.opencv import cv2
 
     if not grey.any():
@@ -104,7 +99,6 @@ def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
-    """(FINDINGS, rows, columns) of the cells, each from the tile in whose middle band a line is most certain."""
     before_y, before_x = (tile // 2 // CELL * CELL for tile in (ROWS, COLUMNS))
     fed = np.pad(
         layers, ((0, 0), (before_y, before_y + ROWS + _DOWN), (before_x, before_x + COLUMNS + _ACROSS))

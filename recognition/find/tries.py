@@ -74,7 +74,6 @@ class Try:
 
     Attributes:
         propose: lines to look at, from all lines so far, most promising first.
-        propose: lines to look at, from all lines so far, most promising first.
         felt, seen: characters that become right on a scan and in a photograph, for each of the `BANDS`.
         nats: least promise by which a refined line must exceed the best one: of two readings the wrong one is often a
             little more promising by chance, and so is a longer line.
@@ -179,7 +178,6 @@ def _next_word(search: Searched, lines: Sequence[ReadLine], *, add_heights: floa
 def _longer_at_ends(
     search: Searched, lines: Sequence[ReadLine], *, end_heights: float = 0.55, add_heights: float = 2.2
 ) -> list[TextLine]:
-    """Lengthen a line where a character lies at its end, within `end_heights`: others may follow beyond."""
     line, columns = lines[0].line, lines[0].columns
     near = (end_heights + MARGIN) * HEIGHT_ROWS
     first, last = bool((columns[:1] < near).any()), bool((columns[-1:] > line.columns() - near).any())

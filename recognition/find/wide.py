@@ -42,14 +42,7 @@ def find_wide(
     coarse_pixels: int = 130_000,
     most_rows: int = 24,
 ) -> list[FoundLine]:
-    """Find the lines of a large picture, most promising first; they run within some 30 degrees of level.
-
-    Args:
-        tallest, lowest: heights of characters as shares of the picture's smaller side.
-        octaves: octaves between two scales.
-        coarse_pixels: size of a scale's picture up to which the finder sees all of it as well.
-        most_rows: most tiles of a scale.
-    """
+    """Find the lines of a large picture, most promising first; they run within some 30 degrees of level."""
     from glyphs.opencv import cv2
 
     side, lines, grey = min(view.size_mm), list[FoundLine](), view.layers[GREY]
@@ -72,7 +65,6 @@ def find_wide(
 def _lines_of(
     picture: Floats, corners: Corners, tile: tuple[int, int], view: View, *, least: float = 0.5
 ) -> Iterator[FoundLine]:
-    """Lines that the finder sees in tiles of a picture of the whole view; corners may lie outside."""
     if not corners:
         return
     pitch_mm = view.pitch_mm * view.layers.shape[2] / picture.shape[1]
@@ -101,11 +93,8 @@ def _text_like(
 
     Args:
         picture: (rows, columns) brightness, 12 pixels for each character height.
-        cell: size of a cell in which edges are averaged, pixels.
-        strongest: gradient from which an edge counts no more.
         most_denser: ratio of the edges of a place and those above and below from which it counts no more: a single edge
             is not a row.
-        least_denser: mean ratio from which a row is text-like.
     """
     from glyphs.opencv import cv2
 

@@ -45,7 +45,6 @@ class Spacing:
 def _before(  # type: ignore[no-untyped-def]
     best, by_template, half, start, overlap, reach, gap_free, gap_cost, expected, behind, step_cost, step_limit
 ):
-    """Best reward of a chain before a character that starts there, and its end; -1 if none is possible."""
     before, end = _NONE, -1
     for e in range(max(0, start - reach), min(best.size, start + overlap)):
         value = best[e] - gap_cost * max(0, start - e - gap_free)
@@ -63,7 +62,6 @@ def _chain(  # type: ignore[no-untyped-def]
     reward, half, allowed, free, overlap, reach, gap_free, gap_cost,
     ahead, behind, step_cost, step_limit, earlier, earlier_end, best, from_end, by_template,
 ):
-    """best[k, e]: best reward of k + 1 characters whose last ink ends at column e; `earlier...` are buffers."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]
     for k in range(n_places):
@@ -117,10 +115,7 @@ def best_chain(
     spacing: Spacing | None = None,
     most_characters: int = 64,
 ) -> tuple[float, tuple[Placed, ...]]:
-    """Find the chain with the greatest reward.
-
-    Returns the reward and the characters, left to right; (0, ()) if no chain has a reward, or a fixed format no room.
-    """
+    """Find the chain with the greatest reward: that and the characters, left to right; (0, ()) if there is none."""
     free = allowed is None
     table = np.ones((most_characters, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
     cols = reward.shape[1]
@@ -162,10 +157,7 @@ def usual_spacing(
     step_limit: float = 1.2,
     stands_out: float = 0.35,
 ) -> Spacing | None:
-    """Estimate the spacing of characters from neighbours that both stand out; None if there are none.
-
-    Either the spacing of the font plus a constant, or even spacing: whichever fits better.
-    """
+    """Estimate the spacing of the font plus a constant, or an even one, from neighbours that stand out."""
     glyphs = [font.glyph(c) for c in chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
     after = (np.array([g.advance for g in glyphs]) - middle) * pixels

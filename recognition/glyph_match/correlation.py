@@ -41,7 +41,6 @@ class GlyphImages:
 
     Attributes:
         images: (T,) images (rows, columns, layers), of odd size, with the glyph's reference point in the middle.
-        half_cols: (T,) half the ink's width, pixels.
     """
 
     chars: tuple[str, ...]
@@ -66,11 +65,7 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
 
 
 def glyph_images(templates: TemplateSet, *, pixels: int, margin_heights: float = 0.12) -> GlyphImages:
-    """The templates at a number of pixels per character height; cached in the set.
-
-    Args:
-        margin_heights: land beside a template's ink that belongs to its window, character heights.
-    """
+    """The templates at a number of pixels per character height, with land beside their ink; cached in the set."""
     images: GlyphImages = templates.derive(
         ("correlation", pixels, margin_heights), lambda: _glyph_images(templates, pixels, margin_heights)
     )

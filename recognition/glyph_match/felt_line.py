@@ -227,7 +227,6 @@ def _depth_strip(
     deep_percent: float = 93.0,
     noise: tuple[float, float] = (0.12, 0.35),
 ) -> DepthStrip:
-    """The depths along a line, relative to its land."""
     from glyphs.opencv import cv2
 
     filled = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0)

@@ -69,7 +69,6 @@ def _digest(made_of: Iterable[object]) -> str:
 
 
 def _add(digest: Any, value: object) -> None:
-    """Add a value to a digest, with its type and size, so that no two values add the same."""
     digest.update(type(value).__name__.encode())
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype} {value.shape} ".encode() + np.ascontiguousarray(value).tobytes())

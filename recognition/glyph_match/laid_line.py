@@ -41,7 +41,6 @@ def depth_likelihoods(
 
 
 def _smooth_poses(felt: FeltLine, together: Lattice, font: Font) -> Floats:
-    """(places, NUMBERS) expected pose at each place: the poses of the characters read, smoothed along the line."""
     has = np.array([char in font.glyphs for char in together.text])
     sure = has * np.exp(2.0 * together.log_belief.max(axis=1))
     laid = [felt.lay(k, c, font).pose if has[k] else ZERO_POSE for k, c in enumerate(together.text)]

@@ -56,12 +56,7 @@ def spread_of_poses(
 
 @dataclass(frozen=True, eq=False)
 class PlaceSamples:
-    """The depths that were felt around a place.
-
-    Attributes:
-        missed: share of samples without information.
-        alike: number of neighbouring samples that count as one, because noise and dirt are wider than a pixel.
-    """
+    """The depths that were felt around a place; noise and dirt are wider than a pixel, so `alike` count as one."""
 
     right: Floats
     down: Floats

@@ -136,12 +136,7 @@ class TemplateSet:
 
 @dataclass(frozen=True, eq=False)
 class IdealPlate:
-    """A plate with a font's characters side by side, each struck perfectly.
-
-    Attributes:
-        shape: (rows, cols) of a character's part of the plate, PIXELS per character height, both odd.
-        rows: rows of the part that belong to the character's cell.
-    """
+    """A plate with a font's characters side by side, each struck perfectly, in cells of PIXELS per height."""
 
     surface: HeightMap
     middles_mm: NDArray[np.float64]

@@ -44,8 +44,6 @@ class Machine(Protocol):
 
 
 class _Path(NamedTuple):
-    """A path from a state to the end: minus its log probability, its first character, and which path it has after."""
-
     cost: float
     char: int
     rank_after: int
@@ -145,7 +143,6 @@ class Automaton:
             yield text, -ranked[0, 0][1][number].cost
 
     def _after(self, log_belief: Beliefs, *, best: bool) -> list[Beliefs]:
-        """For every layer, (states,): log of the sum, or of the best, over all paths from a state to the end."""
         ends = int(self.steps[-1].max()) + 1
         after = [np.zeros(ends)]
         for place in range(len(self.steps) - 1, -1, -1):
@@ -272,7 +269,6 @@ def _log_sum(values: Beliefs, axis: int) -> Beliefs:
 
 
 def _gather(values: Beliefs, to: Places, size: int) -> Beliefs:
-    """Log-sums of the values that go to each of `size` states; those that go to -1 are dropped."""
     values, to = values.ravel(), to.ravel()
     keep = (to >= 0) & (values > -np.inf)
     values, to = values[keep], to[keep]

@@ -53,13 +53,7 @@ class CharacterState(StrEnum):
 
 @dataclass(frozen=True)
 class PlaceState:
-    """The state of one place and its characters.
-
-    Attributes:
-        rival: the character that `char` is confused with (CONFUSED), or the one that was read in place of the expected
-            one (MISMATCH); empty otherwise.
-        expected: the character that should stand there; empty if unknown, or if none should.
-    """
+    """The state of one place; `rival` is the confused character, or the one read in place of the expected one."""
 
     state: CharacterState
     char: str
@@ -109,7 +103,6 @@ def state_of(
     Args:
         read_belief, read_margin: least probability of the best character, and its least lead over the second, for a
             place to count as read. Acceptance of the reading has thresholds of its own.
-        share_of_first: least probability of the second character, as a share of the best one's, to be confused with it.
 
     Raises ValueError.
     """

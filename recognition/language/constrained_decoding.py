@@ -125,8 +125,6 @@ def _choose(lattice: Lattice, grammar: Grammar | None, k: int, most_tests: int) 
 
 @dataclass
 class _Tested:
-    """Strings tested one by one; `good` is the mass of the valid ones as a share of Z, `left` of those not tested."""
-
     by_place: NDArray[np.float64]
     valid: list[tuple[str, float]] = field(default_factory=list)
     good: float = 0.0
@@ -163,7 +161,6 @@ def _test_strings(
 
 
 def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rest of each place's probabilities to 1; one within the rounding error counts as 0."""
     left = 1.0 - np.exp(log).sum(axis=1)
     return np.where(left > ROUNDING, left, 0.0)
 

@@ -41,7 +41,6 @@ _BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)
 
 
 def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
-    """Characters that items name one by one, in a range or as `\\d`; not those of a negated set."""
     for item, value in items:
         match str(item):
             case "LITERAL":

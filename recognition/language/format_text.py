@@ -81,7 +81,6 @@ def _kind(body: str) -> tuple[str, str]:
 
 
 def _sets(text: str) -> tuple[str, ...]:
-    r"""`AB,0-9,\,` -> ("AB", "0123456789", ",")."""
     sets, here = [], ""
     tokens = re.findall(r"\\.|[^\\]-[^\\,]|.", text)
     for token in tokens:

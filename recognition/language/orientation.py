@@ -122,7 +122,6 @@ def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None)
 
 @cache
 def _mutual(words: str) -> Mapping[str, frozenset[str]]:
-    """Images of each character in both directions: the text that was read may be the image or its original."""
     images_by_char: dict[str, set[str]] = {}
     for word in words.split():
         for image in word[1:]:

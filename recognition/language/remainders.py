@@ -100,7 +100,6 @@ def _vin_step(char: str, place: int, n_places: int) -> Remainders | None:
 
 
 def _vin_step_by_region(char: str, place: int, n_places: int) -> Remainders:
-    """As `_vin_step`; 11 is the state of a VIN whose region asks for no check digit."""
     if place == 0 and char not in VIN_CHECKED:
         return np.full(12, 11)
     checked = _vin_step(char, place, n_places)

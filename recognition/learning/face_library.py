@@ -128,7 +128,6 @@ def fit_map(plates: Sequence[Plate], *, of_step: int, of_window: int) -> Feature
 
 
 def _leading(moment: NDArray[np.floating], count: int) -> Features:
-    """(n, count) eigenvectors with the greatest eigenvalues."""
     return np.asarray(np.linalg.eigh(moment)[1][:, ::-1][:, :count], dtype=np.float32)
 
 

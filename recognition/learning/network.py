@@ -43,7 +43,6 @@ class Normalise(nn.Module):
         self.reach = reach
 
     def _blur(self, x: Tensor) -> Tensor:
-        """Blur at most three layers, at a coarser resolution."""
         small = f.avg_pool2d(x, self.coarse)
         bell = self.bell[: x.shape[1]]
         small = f.conv2d(small, bell.transpose(2, 3), padding=(self.reach, 0), groups=x.shape[1])

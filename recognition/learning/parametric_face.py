@@ -50,11 +50,6 @@ class FaceStyle(Validated, error=FontError):
     Attributes:
         corner: share of the half edge beside it that a bent corner takes.
         power: exponent of the superellipse of a corner: 1 is a chamfer, 2 a circle, above 3 nearly a right angle.
-        level_stroke: width of level strokes in parts of the upright ones.
-        round_ends: whether strokes end and meet in half circles, not squarely.
-        slab: length of the slab at the end of an upright stroke; 0 for none.
-        stencil: gap that cuts closed and crossing strokes as a stencil needs; 0 for none.
-        segment_gap: gap between segments of a fourteen-segment display; None for letters.
     """
 
     corner: Share = 0.8
@@ -217,7 +212,6 @@ def _ink(lines: Sequence[Points], wide: float, style: FaceStyle) -> NDArray[np.u
 
 
 def _is_square(other: Points | None, direction: Points, style: FaceStyle) -> bool:
-    """Check whether a segment is lengthened by half its width: at free ends and at right angles."""
     return not style.round_ends and (other is None or abs(float(other @ direction)) < 0.2)
 
 

@@ -87,7 +87,6 @@ def _characters(model: Any) -> list[str]:
 
 
 def _pad_by_numbers(node: Any) -> None:
-    """Replace the padding `SAME_UPPER` of 2x2 kernels, which the converter does not support, by numbers."""
     from onnx.helper import make_attribute
 
     for attribute in list(node.attribute):
@@ -97,7 +96,6 @@ def _pad_by_numbers(node: Any) -> None:
 
 
 def _make_constants_learnable(body: nn.Module) -> None:
-    """Make biases and matrices trainable that the converter keeps as buffers, except single numbers."""
     for module in body.modules():
         if isinstance(module, nn.BatchNorm2d):
             continue

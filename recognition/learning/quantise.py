@@ -71,7 +71,6 @@ def prepare(source: Path, out: Path) -> None:
 
 
 def _join_gelu(path: Path) -> None:
-    """Join the five nodes of each Gelu; after quantisation the runtime would no longer recognise them."""
     import onnx
     from onnxruntime.transformers.fusion_gelu import FusionGelu
     from onnxruntime.transformers.onnx_model import OnnxModel

@@ -69,7 +69,6 @@ def _is_scale(name: str) -> bool:
 
 
 def _laid(name: str, values: torch.Tensor) -> Numbers:
-    """Copy weights to a flat array in the order of the ONNX file, which holds the head's transposed."""
     laid = values.T if name == "head.weight" else values
     return np.array(laid.detach().numpy(), dtype=np.float32).ravel()
 
@@ -102,7 +101,6 @@ def _exported(network: Recogniser) -> dict[str, Numbers]:
 
 
 def _numbers(path: Path) -> dict[str, Numbers]:
-    """Constants of an ONNX file by name, eight bits as the numbers that they stand for."""
     import onnx
 
     constants = {

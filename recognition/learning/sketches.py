@@ -61,7 +61,6 @@ def _measure(drawn: Sketch) -> Field:
 
 
 def _touch(drawn: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> Field:
-    """Layers of the path of a ball that slides over the surface, and of its slopes along the passes."""
     layers = _measure(drawn)
     radius = float(rng.uniform(0.03, 0.16)) * _H
     ball = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (max(1, round(0.5 * radius)) * 2 + 1,) * 2)

@@ -29,13 +29,7 @@ def vary_surroundings(
     edge: float = 0.2,
     turned: float = 0.1,
 ) -> list[TrainingStrip]:
-    """Change the surroundings of strips, and turn some strips the wrong way up; those then have no text.
-
-    Args:
-        longer: share of the ends of lines where land is added.
-        edge: share of the ends of lines where the part ends.
-        turned: share of strips shown upside down or mirrored.
-    """
+    """Change the surroundings of a share of the strips' ends, and turn a share the wrong way up: those have no text."""
     return [_turn_some(_change_ends(strip, longer, edge, rng), turned, rng) for strip in strips]
 
 
@@ -61,7 +55,6 @@ def _change_ends(
 
 
 def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) -> None:
-    """End the part left of its characters: beyond, a photograph shows a background or nothing, a scan nothing."""
     edge = rng.uniform(0.1, 1.0) * room + rng.uniform(-0.15, 0.15) * (np.arange(TALL_ROWS) - TALL_ROWS / 2)
     beyond = np.arange(layers.shape[2]) < np.minimum(edge, room)[:, None]
     shade = layers[GREY].any() and rng.random() < 0.7

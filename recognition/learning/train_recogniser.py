@@ -108,7 +108,6 @@ def _size(weights: Tensor) -> float:
 
 
 def _loss(network: Recogniser, batch: Batch, draw: torch.Generator, *, empty_length: int = 8) -> Tensor:
-    """Mean loss per character; a strip without text counts as `empty_length` characters."""
     device = draw.device
     with torch.no_grad(), device:
         tall, columns = batch.tall.to(device).float(), batch.columns.to(device)

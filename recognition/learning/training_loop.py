@@ -54,12 +54,7 @@ class Training:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A network and its training data.
-
-    Attributes:
-        measure: returns a figure on held-out samples (lower is better), and the result in words.
-        early: weights that are frozen at first (`Training.frozen_share`).
-    """
+    """A network and its training data; of the figure that `measure` returns, lower is better."""
 
     network: nn.Module
     optimiser: torch.optim.Optimizer

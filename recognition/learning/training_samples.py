@@ -46,12 +46,7 @@ VIEW_ROWS = 16
 
 @dataclass(frozen=True, eq=False)
 class TrainingStrip:
-    """A strip and its truth.
-
-    Attributes:
-        source: "felt", "photo" or "heights".
-        places: first and last column of each character of the text; empty if unknown.
-    """
+    """A strip, from "felt", "photo" or "heights", and its truth; without columns of its characters if unknown."""
 
     layers: NDArray[np.float16]
     text: str
@@ -62,11 +57,7 @@ class TrainingStrip:
 
 @dataclass(frozen=True, eq=False)
 class TrainingView:
-    """A view and its lines.
-
-    Attributes:
-        lines: for each line x and y of points along its middle, pixels.
-    """
+    """A view and its lines: x and y of points along the middle of each, pixels."""
 
     layers: NDArray[np.float16]
     lines: tuple[Places, ...]

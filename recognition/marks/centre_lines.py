@@ -70,7 +70,6 @@ def centre_line(
 
 
 def _points_along(stroke: Points, *, trim: float, step: float) -> tuple[Points, Points]:
-    """Evenly spaced points and normals along a polyline, without its ends unless it is closed; one point of a dot."""
     run = np.diff(stroke, axis=0)
     length = np.hypot(run[:, 0], run[:, 1])
     run, length = run[length > 0.0], length[length > 0.0]
@@ -91,7 +90,6 @@ def _points_along(stroke: Points, *, trim: float, step: float) -> tuple[Points, 
 
 
 def _ridge(shape: Glyph, *, pitch: float, share: float) -> tuple[Points, Points, float]:
-    """Skeleton of an outline, its normals and the median half width, cap heights."""
     from skimage.morphology import skeletonize
 
     x0, y0, x1, y1 = shape.ink_box

@@ -73,7 +73,6 @@ class MarkDepth:
         min_mm, max_mm: 10th and 90th percentile over the centre line.
         burr_mm: height of the rim beside the strokes above the land ("high metal"), 90th percentile; for a raised mark
             the depth of the rim below the land. None if unknown.
-        sd_mm: standard deviation of the mean depth from that of the clean mark; None if unknown.
         bias_mm: usual error of the depths of a clean mark of this face and height; positive if measured too deep.
     """
 
@@ -113,15 +112,12 @@ def depth_bias_mm(face: Face, height_mm: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Mark:
-    """A character's centre line: points (n, 2) and normals as (row, col), and half its width, samples."""
-
     points: Floats
     normals: Floats
     half_width: float
 
 
 def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> _Mark:
-    """The centre line of a character laid on a relief."""
     line = centre_line(laid.font, laid.text[place], face=laid.face)
     on, ahead = (
         (laid.points_mm(place, points) - relief.origin_mm)[:, ::-1] / relief.pitch_mm + 1.0
@@ -219,10 +215,7 @@ def _plane(
     most_samples: int = 400,
     least_samples: int = 30,
 ) -> tuple[Floats, float] | None:
-    """Level and slopes (per sample, along rows and columns) of the land about a character, and its scatter.
-
-    None if there is too little land.
-    """
+    """Level and slopes (per sample, along rows and columns) of the land about a character, and its scatter."""
     reach = reach_heights * height
     low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
     high = np.maximum(np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1, 0)

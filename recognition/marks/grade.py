@@ -135,7 +135,6 @@ def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tupl
 
 
 def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
-    """(rows, columns, layers) of the felt edges under a template of a given shape at a place."""
     from glyphs.opencv import cv2
 
     rows, columns = shape[:2]
@@ -148,7 +147,6 @@ def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
 
 
 def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(2, rows, columns) half differences of opposite felt directions, which respond to steps of the surface."""
     known = np.moveaxis(layers * felt, 2, 0)
     return np.asarray(0.5 * (known[:2] - known[2:]))
 
@@ -168,8 +166,6 @@ def grade_character(
 
     Args:
         felt: (channels, rows, cols) edge map of its cell; equals the template's where the mark is as it should be.
-        felt_share: share of the contrast from which an edge counts as felt.
-        least_felt: share of the predicted edge that it must reach as well.
         foreign_share: an edge where none is predicted is foreign from this share of the strongest predicted edge times
             the contrast.
         least_contrast: minimum of the contrast for `foreign_share`: noise about a faint mark is not dirt.

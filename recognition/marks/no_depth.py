@@ -11,7 +11,6 @@ class NoDepth(WordedEnum):
     Attributes:
         FONT: no known font has the strokes that were felt, or dirt makes their depth uneven.
         NOT_FELT: too little of the character, or of the land beside it, was felt.
-        SATURATED: the signal is clipped there.
     """
 
     FONT = "font", "name the font"

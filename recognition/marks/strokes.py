@@ -48,12 +48,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class RivalStrokes:
-    """Evidence from strokes against a rival at a place.
-
-    Attributes:
-        margin: evidence of the strokes for the character that was read, nats; negative if it supports the rival.
-        more_heights: length of the strokes that only the rival has, character heights.
-    """
+    """Evidence from strokes against a rival at a place, nats; `more_heights` is the length that only the rival has."""
 
     char: str
     belief: float
@@ -70,11 +65,7 @@ class RivalStrokes:
 
 @dataclass(frozen=True)
 class PlaceStrokes:
-    """Felt strokes of the character that was read at a place.
-
-    Attributes:
-        rivals: characters that the format allows and that are probable, or easily confused with this one.
-    """
+    """Felt strokes of the character that was read at a place, and those of its rivals."""
 
     felt: float | None
     score: float = 0.0
@@ -170,12 +161,9 @@ def strokes_of(
     filled_of_missing: float = 0.8,
     most_filled: float = 0.7,
 ) -> tuple[PlaceStrokes, ...]:
-    """Compute the felt strokes of the characters of a text and of their rivals.
+    """Compute the felt strokes of a text's characters and their rivals; empty if text and lattice differ.
 
-        filled: probability that a piece of a stroke is filled if no stroke of the line is missing.
-        filled_of_missing: increase of that probability with the missing share of the line's strokes.
-
-    Returns one value for each place; empty if text and lattice differ in their number of places.
+    A piece of a stroke is `filled`, with a probability that rises with the missing share of the line's strokes.
     """
     felt, font = laid.felt, laid.font
     if lattice.n_places != len(laid.text):
@@ -203,7 +191,6 @@ def strokes_of(
 
 @lru_cache(maxsize=1024)
 def _pieces(font: Font, char: str) -> Floats:
-    """(n, 2) points along a character's strokes, one per grid square, so that a double stroke counts once."""
     points = centre_line(font, char).points
     _, first = np.unique(np.floor(points / STEP_HEIGHTS), axis=0, return_index=True)
     return points[np.sort(first)]
@@ -235,8 +222,6 @@ def _compare(
     """Weigh the strokes of the character that was read against a rival's.
 
     Args:
-        alike_heights: distance below which strokes of both count as the same, character heights.
-        piece_heights: length of the pieces of a stroke that are felt or filled independently, character heights.
         falsely_felt: probability that a piece seems to be felt where there is none: a scratch, or other strokes in the
             part's font.
     """

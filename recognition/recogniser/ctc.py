@@ -47,7 +47,6 @@ def _part(a: float, b: float) -> float:
 
 @kernel()
 def _all_and_others(values, others):  # type: ignore[no-untyped-def]
-    """Return the sum; store in `others` the sum of all values but each, computed without subtraction."""
     before, after = 0.0, 0.0
     for c in range(values.size):
         others[c] = before
@@ -107,10 +106,7 @@ def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
 def place_belief(
     log_blank: NDArray[np.float64], log_chars: NDArray[np.float64], allowed: NDArray[np.bool_]
 ) -> PlaceBelief | None:
-    """Posteriors of every place over all texts with a given number of places.
-
-    Returns None where no text of the format is possible at all (fewer frames than places).
-    """
+    """Posteriors of every place over all texts with a given number of places; None if no text is possible."""
     inputs = _as_inputs(log_blank, log_chars)
     table = np.ascontiguousarray(allowed, dtype=np.bool_)
     at_blank, at_place, enter, scale, total = _forward(*inputs, table)

@@ -45,7 +45,6 @@ class ReadLine:
     """A line and its posteriors.
 
     Attributes:
-        lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
         evidence: log probability of all that the format allows together; 0 where nothing is known.
         count_probability: probability that there are so many places; 1 where a format says so.
     """
@@ -153,7 +152,6 @@ def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
 
 
 def _evidence(posteriors: Posteriors) -> float:
-    """Log probability of all allowed texts together, the mean of looks; -inf without room for one."""
     logs = [posterior.log_evidence for posterior in posteriors if posterior is not None]
     return float(np.mean(logs)) if logs else -math.inf
 
@@ -161,7 +159,6 @@ def _evidence(posteriors: Posteriors) -> float:
 def _best_length(
     looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = (), *, most_lengths: int = 6
 ) -> Posteriors:
-    """Return the posteriors for the length of the format with the most evidence."""
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > most_lengths:
         usual, _ = count_places(looks)
@@ -196,7 +193,6 @@ def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:
 def _lattice(
     looks: Sequence[Steps], posteriors: Posteriors, *, near_steps: float = 1.0
 ) -> tuple[Lattice, Floats] | None:
-    """Average the looks, by view, to a lattice and its columns; None without posteriors."""
     logs: dict[int, list[Floats]] = {}
     columns, read = [], []
     for steps, places in zip(looks, posteriors, strict=True):

@@ -79,7 +79,6 @@ def _run(strip: Layers, output: Literal["posteriors", "features"]) -> NDArray[np
 
 @lru_cache(maxsize=24)
 def _outputs(strip: bytes, shape: tuple[int, ...]) -> Mapping[str, NDArray[np.float32]]:
-    """All outputs of the network: the faces ask for features of a strip that was read before."""
     names = ("posteriors", "features")
     values = _session().run(names, {"strip": np.frombuffer(strip, dtype=np.float32).reshape(1, *shape)})
     return {name: value[0] for name, value in zip(names, values, strict=True)}
@@ -97,10 +96,6 @@ def steps_of(
 
     Small letters that are not in `chars` count as their capitals, because many dies use capitals for both. Other
     characters that are not in `chars` are left out; a space counts as blank.
-
-    Args:
-        skip_columns: columns skipped at the start of the strip, so that the steps of a second look can fall between
-            those of the first.
     """
     power = np.exp(log_posteriors.astype(np.float64))
     of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])

@@ -29,12 +29,7 @@ SHOWN = math.log(1e-4)
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Posteriors along a line.
-
-    Attributes:
-        gap: (steps,) probability of a word gap, which `log_blank` includes; None if not computed.
-        small: (steps,) posterior of small letters, which `log_chars` counts as capitals; or None.
-    """
+    """Posteriors along a line; `log_blank` includes word gaps, `log_chars` counts small letters as capitals."""
 
     log_blank: Floats
     log_chars: Floats

@@ -36,7 +36,6 @@ class Code:
     """A decoded code.
 
     Attributes:
-        kind: "Data Matrix" or "QR Code".
         text: its text; GS1 identifiers are in brackets, control characters are shown as pictures (␝).
         corners: x, y of all four in the photo frame, mm (pixels of the original photograph if its scale is unknown);
             empty if they are not known in the frame of the reading.

@@ -47,7 +47,6 @@ def arc_through(
 
 
 def _axes(points: Points) -> tuple[Points, Points, Points, Points]:
-    """Middle and main direction of the points, and their coordinates along and across it."""
     middle = points.mean(axis=0)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
     along = axes[0] if axes[0] @ (points[-1] - points[0]) >= 0.0 else -axes[0]

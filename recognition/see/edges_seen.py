@@ -91,7 +91,6 @@ def _octaves(values: Floats, *, finest_blur: float = 12.0) -> Iterator[tuple[Flo
 
 
 def _local_contrast(band: Floats, *, window: int = 5, rim: int = 8) -> Floats:
-    """Root mean square about each pixel, without the rim, where the pyramid has edges of its own."""
     from glyphs.opencv import cv2
 
     contrast = np.sqrt(np.maximum(cv2.boxFilter(band * band, -1, (window, window)), 0.0))

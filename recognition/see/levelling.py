@@ -136,9 +136,7 @@ def _plate_slope(height_map: HeightMap, *, fewest: int = 100, differ: float = 0.
 
 
 def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> HeightMap:
-    """Fill small gaps, and remove the rest of a tilt and a slight dome: a robust polynomial through the land.
-
-    Larger holes stay NaN.
+    """Larger holes stay NaN.
 
     Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
     grid. Only the mounting is imitated; edges are not filtered.
@@ -184,8 +182,6 @@ def _check_spread(known: NDArray[np.bool_]) -> None:
 
 
 class _Terms:
-    """Products u^i v^j with i + j up to a degree on a grid, and the sums over the grid that a fit needs."""
-
     def __init__(self, u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> None:
         pairs = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
         self.power_u, self.power_v = np.array(pairs).T
@@ -193,13 +189,11 @@ class _Terms:
         self._n = degree + 1
 
     def normal(self, weight: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(terms, terms) sums of weight times product of two terms; weight (rows, cols)."""
         sums = self._v.T @ (weight @ self._u)
         i, j = self.power_u, self.power_v
         return np.asarray(sums[j[:, None] + j, i[:, None] + i])
 
     def right(self, weighted: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(terms,) sums of `weighted` (rows, cols) times each term."""
         sums = self._v[:, : self._n].T @ (weighted @ self._u[:, : self._n])
         return np.asarray(sums[self.power_v, self.power_u])
 
@@ -209,7 +203,6 @@ class _Terms:
         return np.asarray(self._v[:, : self._n] @ (table @ self._u[:, : self._n].T))
 
     def form(self, coefficients: Floats, u: Floats, v: Floats) -> NDArray[np.float32]:
-        """The polynomial at other coordinates, summed term by term in single precision."""
         out = np.zeros((v.size, u.size), dtype=np.float32)
         for c, i, j in zip(coefficients.astype(np.float32), self.power_u, self.power_v, strict=True):
             out += c * np.outer(v**j, u**i).astype(np.float32)
@@ -217,7 +210,6 @@ class _Terms:
 
 
 def _tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, Floats]:
-    """Tukey's biweights of heights `over` a fit, 0 beyond `cut`, and the weighted heights."""
     off = (over - middle) / cut
     weight = np.fmax(1.0 - off * off, 0.0) ** 2  # 0 for NaN, too
     return weight, np.where(weight > 0.0, weight * z, 0.0)

@@ -32,9 +32,7 @@ _STEPS, _LEAST_GAIN = 60, 1e-5
 def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
     """One view for each photograph, in the frame of the first, and the numbers of those left out because they differ.
 
-    If there are four or more lights, a view of the slopes comes first; it shows no stains.
-
-    Returns the slopes, the first photograph, the others, and the numbers of those left out, from 1.
+    The view of the slopes under four or more lights comes first, without stains; then the first photograph.
     """
     first = photo_view(photo)
     if not photo.others:
@@ -80,7 +78,6 @@ def _gradient(grey: Floats, scale: float) -> Floats:
 
 
 def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDArray[np.float32] | None:
-    """(2, 3) map from the first photograph to the other; None if the sizes of their gradients are not alike."""
     from glyphs.opencv import cv2
 
     (x, y), _ = cv2.phaseCorrelate(steady, moving, cv2.createHanningWindow(steady.shape[::-1], cv2.CV_32F))
@@ -114,7 +111,6 @@ def _warp_onto(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
 def _of_brightness(
     first: View, grey: NDArray[np.number[Any]], known: NDArray[np.bool_] | None = None
 ) -> View:
-    """A view in the frame of the first with another brightness, known in some places (default: everywhere)."""
     layers = np.zeros_like(first.layers)
     layers[KNOWN] = 1.0 if known is None else known
     layers[GREY] = grey * layers[KNOWN]

@@ -71,7 +71,6 @@ def _bins(
     usual_percent: tuple[float, float] = (0.5, 99.5),
     least: float = 0.3,
 ) -> Floats:
-    """Return the (rows, cols) position of each pixel's ratio in the table."""
     low, high = np.percentile(ratio, usual_percent)
     spread = max(float(high - low), least)
     place = ((ratio - 0.5 * (low + high)) * used / spread + 0.5) * bins - 0.5

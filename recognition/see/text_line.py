@@ -89,7 +89,6 @@ class TextLine:
         return np.asarray(on + far[..., None] * down)
 
     def _frames(self, columns: Points, margin: float) -> tuple[Points, Points]:
-        """(n, 2) points on the curve, and the directions down from them."""
         along = (
             np.asarray(columns, dtype=np.float64) + 0.5
         ) * self.height_mm / HEIGHT_ROWS - margin * self.height_mm

@@ -19,7 +19,6 @@ class VirtualArray:
     """Whiskers, sensors and stage that feel a height map.
 
     Attributes:
-        whisker: touch of the whiskers (default: that of the default whisker for each character height).
         sensors: real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, and a
             stage with play and position errors; ideal: none of these.
         seed: seed of sensors, noise and stage. It is the same for all parts, as they are felt by the same array: a

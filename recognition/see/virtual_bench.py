@@ -22,12 +22,7 @@ from whisker_array.whisker.touch import profiling_touch
 
 @dataclass(frozen=True, eq=False)
 class VirtualBench:
-    """A part under the virtual array.
-
-    Attributes:
-        height_mm: character height, for which plan and default whisker are.
-        friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
-    """
+    """A part under the virtual array; the default friction is that of the soil, or the touch's nominal one."""
 
     height_map: HeightMap
     height_mm: float

@@ -71,7 +71,6 @@ def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
 
 
 def _other_orientations(choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
-    """Report orientations in which one sense reads another text, if no sure other line excludes them."""
     part, main = choice.sense.lines, choice.line
     if part is None or main is None:
         return
@@ -95,7 +94,6 @@ def _other_orientations(choice: Choice, settings: DecisionSettings) -> Iterator[
 def _excludes(
     way: Way, line: OtherLine, serial_deg: float, part: PartLines, settings: DecisionSettings
 ) -> bool:
-    """Whether another line with the serial's direction cannot be read in another orientation."""
     if line.line is None or math.cos(math.radians(line.line.turned_deg - serial_deg)) <= 0.0:
         return False
     grammar = settings.line_formats[line.name].grammar if line.name else None

@@ -47,7 +47,6 @@ def low_confidence(
 
 
 def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> dict[int, str]:
-    """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5"."""
     places = [
         (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)
         for k, c in enumerate(choice.characters, start=1)

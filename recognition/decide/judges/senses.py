@@ -99,7 +99,6 @@ def senses_disagree(
 
 
 def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tuple[str, float]:
-    """Text of a sense, and the log ratio of its probability to that of another one, or of all others together."""
     read_text, trace = reading.plain_text, reading.trace
     if read_text and trace.lattice is not None and len(read_text) == len(text):
         return read_text, lead_nats(trace.lattice, read_text, text)

@@ -101,7 +101,6 @@ def _why_undecided(
     least_belief: float = 0.03,
     hidden_share: float = 0.5,
 ) -> str:
-    """Explain why strokes do not exclude a rival; empty if they do."""
     if rival.apart_heights < distinct_heights:
         return "touch hardly tells them apart (look at the part)" if rival.belief >= least_belief else ""
     covered = rival.more_heights >= distinct_heights and rival.hidden >= hidden_share
