@@ -40,10 +40,7 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the list of a folder's files to the disk; Windows needs no such call.
-
-    Raises OSError: the folder cannot be opened or flushed.
-    """
+    """Flush the list of a folder's files to the disk; Windows needs no such call. Raises OSError."""
     if not hasattr(os, "O_DIRECTORY"):
         return
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

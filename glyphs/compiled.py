@@ -57,10 +57,7 @@ def inline_kernel(function: Function) -> Function:
 
 
 def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
-    """Return a contiguous read-only view of an array with a given dtype.
-
-    numba compiles writable and read-only arrays as two types; with this view there is only one.
-    """
+    """Return a contiguous read-only view; numba compiles writable and read-only arrays as two types."""
     view = np.ascontiguousarray(array, dtype=dtype).view()
     view.flags.writeable = False
     return view

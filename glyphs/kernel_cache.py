@@ -24,8 +24,6 @@ _runtime: Any = rtsys
 
 
 class _Sealed(_Impl):  # type: ignore[misc]
-    """Kernels with digests of their bytes and source, because damaged machine code would crash the process."""
-
     def reduce(self, data: Any) -> tuple[bytes, bytes]:
         body: bytes = _dumps(super().reduce(data))
         return self._digest(body), body

@@ -40,10 +40,8 @@ _SOIL_STREAM, _PHOTO_STREAM, _LAYOUT_STREAM, _NOISE_STREAM = 1, 2, 3, 4
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A stamped part, clean or dirty, to be scanned and photographed.
-
-    Attributes:
-        seed: dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout from (*seed, 3).
+    """A stamped part, clean or dirty; dirt draws from (*seed, 1), the photograph from (*seed, 2), a layout from (*seed,
+    3).
     """
 
     stamped: StampedPart
@@ -94,10 +92,7 @@ class Part:
     ) -> Photo:
         """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt.
 
-        Raises MapError: an invalid light, pixel or picture.
-
         Args:
-            pixel_mm: size of a pixel on the part, unless a camera is set.
             lights: number of photographs, with the lamp at even angles all round; those after the first become the
                 `others` of the first.
         """

@@ -32,11 +32,9 @@ class Light(OneLine, Validated, error=MapError):
 
     Attributes:
         azimuth_deg: azimuth of the lamp in the plate frame: 0 at the right (+x), 90 below (+y), 270 above.
-        elevation_deg: elevation of the lamp above the plate, 1 to 90.
         ambient: light from all round, as a share of all light that falls on a flat plate, 0..1.
         size_deg: angular radius of the lamp, 0.1 to 60; a large lamp gives soft glints and soft shadows.
         gradient: share by which mirrored ambient light is brighter towards the lamp, 0..1.
-        colour: red, green, blue of the light, > 0.
     """
 
     azimuth_deg: Annotated[float, Range(-1e6, 1e6)] = 315.0
@@ -109,8 +107,7 @@ def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
 def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
     """Visible share of the lamp at every sample, 0..1: ridges towards the lamp hide it.
 
-    It compares the lamp's elevation with that of the horizon below it; a larger lamp gives a softer edge. Heights are
-    looked up at the nearest sample.
+    It compares the lamp's elevation with that of the horizon below it, by the nearest sample.
     """
     lx, ly, _ = light.towards
     across = math.hypot(lx, ly)

@@ -27,10 +27,7 @@ _PIXELS = 80
 
 
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
-    """Make a dotted font with capitals, digits and the characters of a text; each dot is a stroke of one point.
-
-    Raises FontError: the font lacks a character.
-    """
+    """Make a dotted font with capitals, digits and a text's characters; each dot is a stroke of one point."""
     kind, chars = rng.random(), sorted({*text, *SERIAL_CHARACTERS})
     if kind < 0.4 and all(char in _MATRIX or char == " " for char in text):
         across = float(rng.uniform(0.75, 1.15)) / 6
@@ -57,7 +54,6 @@ def _matrix_dots(char: str) -> Points:
 
 
 def _thinned_dots(glyph: Glyph, pitch: float, *, on_grid: bool) -> Points:
-    """Dots along the middle of the strokes, (n, 2) cap heights, about `pitch` apart."""
     if not glyph.inked:
         return np.empty((0, 2))
     x0, y0, x1, y1 = glyph.ink_box

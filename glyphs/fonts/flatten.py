@@ -16,8 +16,6 @@ MOST_COMPONENTS = 256
 
 
 class _LimitedPen(BasePen):  # type: ignore[misc,unused-ignore]
-    """Limit the components of a composite glyph: thirty levels of two each would make 10^9."""
-
     _components = 0
 
     def addComponent(self, *args: Any, **options: Any) -> None:

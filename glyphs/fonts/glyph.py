@@ -108,10 +108,7 @@ class Glyph(OneLine, Validated, error=FontError):
 
     @cached_property
     def ink_box(self) -> tuple[float, float, float, float]:
-        """Bounding box (x0, y0, x1, y1) of the ink, nominal stroke included, cap heights.
-
-        A glyph without ink has the box of its empty cell, (0, 0, advance, 1).
-        """
+        """Bounding box (x0, y0, x1, y1) of the ink, nominal stroke included, or of the empty cell, cap heights."""
         if not self.inked:
             return (0.0, 0.0, self.advance, 1.0)
         points = np.concatenate(self.strokes + self.contours)
@@ -135,11 +132,7 @@ class Glyph(OneLine, Validated, error=FontError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Font(OneLine, Validated, error=FontError):
-    """A set of glyphs.
-
-    Attributes:
-        stroke_ratio: ratio of nominal stroke width to cap height; 0.0 for outline fonts.
-    """
+    """A set of glyphs, with the ratio of nominal stroke width to cap height; 0.0 for outline fonts."""
 
     name: str
     glyphs: Mapping[str, Glyph]
@@ -193,10 +186,7 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
 
 
 def transform_glyph(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Glyph:
-    """Widen a glyph by `x_scale` and slant it to the right by `shear` (x per y) about half the cap height.
-
-    The points move but the stroke width stays the same, so walls keep their bevel.
-    """
+    """Widen a glyph by `x_scale` and slant it by `shear` (x per y) about half the cap height; its stroke stays."""
     if x_scale == 1.0 and shear == 0.0:
         return glyph
 

@@ -32,10 +32,7 @@ _ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
 
 
 def load_font(name_or_path: str | Path) -> Font:
-    """Load a font by its built-in name, or from a TTF, OTF or TTC (its first face) file; cached.
-
-    Raises FontError: unknown name, missing or damaged file, or a file without any of A-Z and 0-9.
-    """
+    """Load a font by its built-in name, or from a TTF, OTF or TTC (its first face) file; cached. Raises FontError."""
     name = str(name_or_path)
     if name in BUILTIN_FONTS:
         return _builtin(name)
@@ -56,7 +53,6 @@ def _builtin(name: str) -> Font:
 
 
 def _flatten(stroke: list[list[float]]) -> Points:
-    """Join points [x, y] and arcs [cx, cy, rx, ry, start_deg, end_deg] into one polyline (n, 2)."""
     parts: list[Points] = []
     for step in stroke:
         if len(step) > 2:
@@ -105,7 +101,6 @@ def _hershey_font(name: str) -> Font:
 
 @lru_cache(maxsize=32)
 def _from_file(path: str, mtime_ns: int, size: int) -> Font:
-    """Read a font file; time and size are part of the cache key, so that a changed file is read again."""
     from fontTools.ttLib import TTFont
 
     # fontTools warns of odd dates in a font's header, which are not used here

@@ -49,8 +49,6 @@ _ONSETS = (0.0, 0.05, 0.15, 0.30)
 
 @dataclass(frozen=True, eq=False)
 class _Site:
-    """The surface under a cake: room below the ceiling and depth of the marks, mm; nearness of the rims, 0 to 1."""
-
     room_mm: Field
     depth_mm: float
     support: Field
@@ -58,8 +56,6 @@ class _Site:
 
 @dataclass(frozen=True, eq=False)
 class _Cake:
-    """Thickness of a cake, (rows, cols), mm: packed below the ceiling, void under roofs, and built up above."""
-
     packed_mm: Field
     void_mm: Field
     built_mm: Field
@@ -199,7 +195,6 @@ def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
 
 
 def _finger(coat: Coat, rng: np.random.Generator, *, ridge_period_mm: float = 0.5) -> Field:
-    """Print of one fingertip, 0 to 1, 16 x 12 mm; its ridges appear only on a grid that resolves them."""
     u, v = _turned_axes(coat, rng)
     firm = np.float32(np.clip(rng.uniform(-0.3, 1.2), 0.0, 1.0))
     core_u, core_v, bend, phase = (float(x) for x in rng.uniform((-2, -2, 0, 0), (2, 2, 6.28, 6.28)))
@@ -235,7 +230,6 @@ def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random
 
 
 def _finish(coat: Coat, cake: _Cake, old: Field, dry: Field, *, hiding_mm: float = 0.012) -> Coat:
-    """Finish the coat: top, yielding thickness, friction and look; `hiding_mm` of grime hides 63 % of the metal."""
     solid = cake.solid_mm
     thickness = solid + cake.void_mm
     cover = 1.0 - np.exp(solid / np.float32(-hiding_mm))

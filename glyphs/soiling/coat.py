@@ -48,11 +48,7 @@ class Look(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Coat(OneLine):
-    """A surface while it is being soiled; all arrays are (rows, cols) float32 unless noted.
-
-    Attributes:
-        brim_mm: the height to which a hollow can be filled: the land of sunk marks.
-    """
+    """A surface while it is being soiled, (rows, cols) float32; up to `brim_mm`, the land, a hollow can be filled."""
 
     pitch_mm: float
     height_mm: float

@@ -155,7 +155,6 @@ def _blow_relief(
     *,
     height_mm: float,
 ) -> NDArray[np.float32]:
-    """Relief of one blow at offsets (u right, v up) from the character's reference point, mm."""
     middle = middle_mm(shape, height_mm)
     distance = shape_distance_mm(shape, die, u + middle[0], v + middle[1], height_mm=height_mm)
     leans = blow.pile_up_lean > 0.0 or blow.flank_loss > 0.0

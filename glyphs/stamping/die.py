@@ -33,8 +33,7 @@ def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
     """The shape that the die cuts: centre lines refitted to its stroke, and for DOTTED a row of dots.
 
     Dots sit at the ends and corners of every stroke and evenly between them, about `dot_pitch_mm` apart. Raises
-    StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke at least as wide as the glyph is
-    high.
+    StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke wider than the glyph is high.
     """
     require_positive(StampError, height_mm=height_mm)
     stroke = die.stroke_mm / height_mm
@@ -90,10 +89,7 @@ def ideal_relief(
     margin_mm: float,
     raised: bool = False,
 ) -> IdealGlyph:
-    """Make one perfect character on a flat plate, its reference point at the middle of an odd map.
-
-    Raises MapError: pitch not positive, or too fine for the size.
-    """
+    """Make one perfect character on a flat plate, its reference point at the middle of an odd map. Raises MapError."""
     require_not_negative(StampError, margin_mm=margin_mm)
     require_positive(StampError, pitch_mm=pitch_mm)
     shape = die_glyph(glyph, die, height_mm=height_mm)

@@ -94,8 +94,7 @@ def default_die(
 
     The stroke is the font's. FLAT and ROUND are widened, by a quarter at most, if the walls would meet above the floor.
     SHARP has the width at which its V reaches the depth, between 0.4 and 1.25 of the font's stroke. DOTTED has dots of
-    two thirds of the stroke, 1.3 diameters apart.
-    Raises StampError.
+    two thirds of the stroke, 1.3 diameters apart. Raises StampError.
     """
     require_positive(StampError, height_mm=height_mm)
     face = Face(face)

@@ -53,19 +53,13 @@ class PlateForm(OneLine):
         return math.isinf(self.radius_x_mm) and math.isinf(self.radius_y_mm)
 
     def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Height (rows, cols) over the middle, mm, at plate coordinates x (cols,) and y (rows,) from the middle.
-        Raises:
-            StampError: the plate is too large for the radius: more than MAX_SAG_MM from the middle to an edge.
-        """
+        """Height (rows, cols) over the middle, mm, at x (cols,) and y (rows,) from there. Raises StampError."""
         across, down = _arc(x_mm, self.radius_x_mm), _arc(y_mm, self.radius_y_mm)
         return np.asarray(across[None, :] + down[:, None], dtype=np.float32)
 
 
 def seen_mm(skin_mm: float, radius_mm: float) -> float:
-    """Half width, seen from above, of a plate whose half width along the skin is `skin_mm`.
-
-    Raises StampError: the plate would reach too far around its cylinder.
-    """
+    """Half width, seen from above, of a plate whose half width along the skin is `skin_mm`. Raises StampError."""
     if math.isinf(radius_mm):
         return skin_mm
     if skin_mm / abs(radius_mm) > math.asin(_STEEPEST):

@@ -24,8 +24,7 @@ class Layout(OneLine, Validated, error=StampError):
 
     Attributes:
         turned_deg: rotation of the whole line, clockwise as seen, added to the rotation that the caller requests.
-        radius_mm: radius of the arc that the baseline follows, not zero. Positive: its centre lies below the text, as
-        other_text: text of a second line; empty for none.
+        radius_mm: radius of the baseline's arc, not zero. Positive: its centre lies below the text, as on the upper
         other_above: whether the second line stands above the requested one; otherwise it stands below.
         gap: land between the two lines, cap heights, >= 0.
     """
@@ -42,10 +41,7 @@ class Layout(OneLine, Validated, error=StampError):
             raise StampError(f"radius_mm is {self.radius_mm}", hint="give the radius of an arc, or infinity")
 
     def place(self, along_mm: float, up_mm: float, *, length_mm: float) -> tuple[float, float, float]:
-        """(x, y, turn) of a point of a line `length_mm` long: x right and y up, mm, turn clockwise, degrees.
-
-        Raises StampError: a line too long for the arc.
-        """
+        """(x, y, turn) of a point of a line: x right and y up, mm, turn clockwise, degrees. Raises StampError."""
         if math.isinf(self.radius_mm):
             return along_mm, up_mm, 0.0
         half = length_mm / 2

@@ -74,7 +74,6 @@ def plate_texture(
 def _weighted_sum(
     a: float, x_mm: NDArray[np.float64], b: float, y_mm: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """a x + b y, float32: (rows, cols), or one row or one column if the other term vanishes."""
     across, down = a * x_mm[None, :], b * y_mm[:, None]
     if min(abs(a), abs(b)) > 1e-12:
         return (across + down).astype(np.float32)

@@ -41,12 +41,10 @@ PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
 
 
 def _radius(height_mm: float, length_mm: float) -> float:
-    """Radius at which a line falls by `_FALL` heights towards each end, but at least 15 heights."""
     fall = min(_FALL * height_mm, _MOST_FALL_MM)
     return max(15 * height_mm, ((length_mm / 2) ** 2 + fall**2) / (2 * fall))
 
 
 def _shaft(height_mm: float, length_mm: float) -> float:
-    """Radius of a shaft along which a line runs: 8 heights, or more if another line or an arc needs it."""
     half = 1.3 * height_mm + max(0.08 * length_mm, 0.75 * height_mm)
     return max(8 * height_mm, half**2 / (1.9 * MAX_SAG_MM))

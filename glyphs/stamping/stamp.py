@@ -25,11 +25,7 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StampedPart(OneLine):
-    """A stamped plate and its ground truth.
-
-    Attributes:
-        boxes_mm: (x0, y0, x1, y1) around the ink of each character, plate frame; a space has its empty cell.
-    """
+    """A stamped plate and its ground truth; the boxes (x0, y0, x1, y1) of the ink are in the plate frame."""
 
     height_map: HeightMap
     text: str
@@ -65,13 +61,7 @@ def stamp_line(
     raised: bool = False,
     rng: np.random.Generator,
 ) -> StampedPart:
-    """Stamp a line of text.
-
-    Args:
-        line_rotation_deg: rotation of the whole line, from +x towards +y of the plate frame (clockwise as seen).
-
-    Raises FontError, StampError or MapError.
-    """
+    """Stamp a line of text, turned clockwise as seen. Raises FontError, StampError or MapError."""
     pitch = height_mm / 100 if pitch_mm is None else pitch_mm
     margin = 0.8 * height_mm if margin_mm is None else margin_mm
     how = StampingVariation() if variation is None else variation
@@ -128,8 +118,6 @@ def stamp_line(
 
 @dataclass(frozen=True)
 class _Axis:
-    """One axis of the plate: evenly spaced positions seen from above, and along the skin, mm."""
-
     seen_mm: NDArray[np.float64]
     skin_mm: NDArray[np.float64]
 
@@ -161,7 +149,6 @@ def _places(
     rotation_deg: float,
     up_mm: float = 0.0,
 ) -> tuple[list[tuple[float, float, float]], Box]:
-    """x, y and turn of each character about the line's origin, and the extent of undisturbed ink, mm, plate frame."""
     origin = 0.0
     places, boxes = [], []
     for shape in shapes:

@@ -29,12 +29,7 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Milling(Validated, error=StampError):
-    """Arcs that the teeth of a face mill leave; their depth varies where the tool chatters.
-
-    Attributes:
-        chatter: share by which the depth varies, 0..1.
-        chatter_mm: wavelength of this variation along the arcs, > 0.
-    """
+    """Arcs that the teeth of a face mill leave; their depth varies by the share `chatter` where the tool chatters."""
 
     depth_um: NotNegative = 16.0
     feed_mm: Positive = 0.35
@@ -56,12 +51,7 @@ class Milling(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Turning(Validated, error=StampError):
-    """Grooves of a lathe's tool: parallel on a turned shaft, parts of rings on a faced end.
-
-    Attributes:
-        ring_radius_mm: distance of the axis below the plate's middle; 0 gives parallel grooves, along y.
-        unevenness: share by which the depth varies from groove to groove, 0..1.
-    """
+    """Grooves of a lathe's tool: parallel on a turned shaft (`ring_radius_mm` 0), parts of rings on a faced end."""
 
     depth_um: NotNegative = 14.0
     feed_mm: Positive = 0.25
@@ -81,11 +71,7 @@ class Turning(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Grinding(Validated, error=StampError):
-    """Many fine lines of different depth and length, as a belt or a wheel leaves them.
-
-    Attributes:
-        along_x: whether they run along the line of text; otherwise across it.
-    """
+    """Many fine lines of different depth and length, as a belt or a wheel leaves them."""
 
     ra_um: NotNegative = 3.0
     line_mm: Positive = 0.06
@@ -109,11 +95,7 @@ class Grinding(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Sand(Validated, error=StampError):
-    """A blasted or sand-cast skin: craters and grains of two sizes, isotropic.
-
-    Attributes:
-        grain_mm: size of the coarse grain, > 0; the fine grain is a third of it.
-    """
+    """A blasted or sand-cast skin: craters and grains of two sizes, the fine a third of the coarse, isotropic."""
 
     ra_um: NotNegative = 9.0
     grain_mm: Positive = 0.25

@@ -51,15 +51,11 @@ class StampingVariation(OneLine, Validated, error=StampError):
     Attributes:
         depth_fraction: depth, as a fraction of the die's; clipped at 2.5 deviations.
         tilt_fraction: change of depth across one cap height, as a fraction of the depth, either axis.
-        spacing_fraction: shift along the line, fraction of the height.
-        double_strike_probability: probability of a second, shallower blow beside the first.
         burr_fraction: mean height of the burr in addition to the die's own, fraction of the depth.
         pile_up_lean: asymmetry of the burr, 0..1: higher by this share on the side to which a blow leans, lower by it
             on the other.
         flank_loss: share of the depth that is missing at the wall to which a blow leans, 0..1; at 1 that wall is
             missing.
-        jump_probability: probability that the baseline jumps ahead of a character, and stays there.
-        jump_fraction: size of the jump, fraction of the height.
     """
 
     depth_fraction: NotNegative = 0.12

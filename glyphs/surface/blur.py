@@ -43,11 +43,7 @@ def _blur(z, weights, out, line, total):  # type: ignore[no-untyped-def]
 
 
 def gaussian_blur(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
-    """Blur a field by a Gaussian; beyond the borders the edge values are repeated.
-
-        sigma: standard deviation, samples.
-    The same as `scipy.ndimage.gaussian_filter(z, sigma, mode="nearest", truncate=truncate)`; `sigma` in samples.
-    """
+    """Blur a field, as `scipy.ndimage.gaussian_filter(z, sigma, mode="nearest", truncate=truncate)` does."""
     heights = read_only(z, np.float32)
     if sigma <= 1e-15:
         return np.array(heights)

@@ -75,11 +75,7 @@ Pitch = Annotated[float, Range(1e-7, math.inf, "it must be positive and finite")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HeightMap(OneLine, Validated, error=MapError):
-    """Heights of a surface on a square grid.
-
-    Attributes:
-        z_mm: (rows, cols) float32, mm, read-only; NaN marks a dropout. At least 2 x 2, some of it finite.
-    """
+    """Heights of a surface on a square grid: (rows, cols) float32, mm, read-only; NaN marks a dropout."""
 
     z_mm: NDArray[np.float32]
     pitch_mm: Pitch

@@ -13,10 +13,8 @@ def smooth_noise(
 ) -> Field:
     """Gaussian noise of mean 0 and variance 1 whose autocorrelation falls to 1/e at `length_mm`.
 
-    Made by filtering white noise with a Gaussian in the frequency domain, so the cost does not depend on the
-    length. The field is periodic on a grid somewhat larger than the requested one.
-
-    `length_mm` 0 gives white noise.
+    Made in the frequency domain, so the cost does not depend on the length; 0 gives white noise. The field is periodic
+    on a grid somewhat larger than the requested one.
     """
     from scipy import fft
 

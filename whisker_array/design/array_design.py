@@ -45,12 +45,7 @@ LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
 
 @dataclass(frozen=True)
 class ArrayRequest(Validated, error=DesignError):
-    """Use of an array: characters, accuracy and dirt of a measured severity.
-
-    Attributes:
-        length_mm: length of the line; default: that of eight characters.
-        speed_error: largest error of the edge map that speed may cause, 0.01 to 0.1.
-    """
+    """Use of an array: characters, accuracy and dirt of a measured severity."""
 
     character_height_mm: Positive
     accuracy: Annotated[Positive, ShareBelowOne] = 0.98

@@ -32,12 +32,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Checked(OneLine):
-    """A whisker in use compared with a request and limits, with all values as arrays for a search.
-
-    Attributes:
-        contrast: steps at the edges over the land moment, any shape; NaN where the whisker jams.
-        values: all values of each bound (at the corners of the ranges of slope and friction).
-    """
+    """A whisker in use compared with a request and limits, with all values as arrays for a search."""
 
     contrast: Values
     values: Mapping[Bound, Values]
@@ -77,7 +72,6 @@ def _tip(whisker: LShaped) -> TipModel:
 
 
 def _pushes(alpha_rad: Values, mu: Values) -> Values:
-    """R a of (9) and (10), (slopes, frictions, 3): `enhancement.contact_force` for one newton."""
     c, s = np.cos(alpha_rad)[:, None], np.sin(alpha_rad)[:, None]
     return np.stack([s - mu * c, c + mu * s, np.zeros((alpha_rad.size, mu.size))], axis=-1)
 
@@ -102,10 +96,7 @@ def edge_steps(
 def normal_forces_n(
     whisker: LShaped, *, preload_mm: float, alpha_rad: Values, mu: Values
 ) -> tuple[Values, Values]:
-    """Normal force at full preload by (7) and (11), N, and e_y.D11 R'a over its land value; both (n, m).
-
-    Where the whisker jams the force is infinite and the ratio is not positive.
-    """
+    """Normal force at full preload by (7) and (11), N, and e_y.D11 R'a over its land value (n, m); inf if jammed."""
     tip = _tip(whisker)
     push = _pushes(alpha_rad, mu)
     row = tip.compliance_mm_per_n[1]

@@ -60,12 +60,7 @@ class Bound(enum.Enum):
 
 @dataclass(frozen=True, repr=False)
 class Request(OneLine, Validated, error=DesignError):
-    """Use of a whisker: walls, friction, marks and speed.
-
-    Attributes:
-        alpha_rad: gentlest and steepest wall, rad; walls fall and rise.
-        speed_mm_s: required scan speed; default: see `least_speed_mm_s`.
-    """
+    """Use of a whisker: gentlest and steepest wall, rad, which fall and rise; friction, marks and speed."""
 
     alpha_rad: tuple[float, float]
     mu: tuple[float, float]

@@ -39,12 +39,7 @@ Objective = Callable[[LShaped, float], Values]
 
 @dataclass(frozen=True, repr=False)
 class Candidate(OneLine):
-    """A whisker in use, as evaluated by the search.
-
-    Attributes:
-        worth: smallest entry of the objective; -1 where the whisker jams.
-        reserve: least reserve of all constraints; negative where one is violated.
-    """
+    """A whisker in use, as evaluated by the search; it is worth -1 where it jams."""
 
     whisker: LShaped
     preload_mm: float
@@ -54,13 +49,7 @@ class Candidate(OneLine):
 
 @dataclass(frozen=True, repr=False)
 class Problem(OneLine):
-    """A search: use, limits, kind of section and objective.
-
-    Attributes:
-        objective: quantity to maximise; the worst-case contrast if None.
-        axis_lean_rad: lean of the force under which the moment vanishes (see `tuned`); it fixes the height of the
-            axis.
-    """
+    """A search: use, limits, kind of section and objective (default: the worst-case contrast)."""
 
     request: Request
     limits: Limits

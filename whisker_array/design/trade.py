@@ -59,7 +59,6 @@ def _trade_off(
     unit: str,
     at: float,
 ) -> TradeOff:
-    """Design a whisker for each factor, starting from the neighbouring factor nearer to 1."""
     kind: SectionKind = "ribbon" if isinstance(design.whisker.section, Rectangle) else "round"
     first_order = check(design.whisker, design.request, design.limits, preload_mm=design.preload_mm)
     scale = design.linear_error / float(first_order.values[Bound.LINEAR_BEAM].max())

@@ -60,10 +60,7 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
 
 
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
-    """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in and lead-out.
-
-    Raises MapError: no usable samples, or no land.
-    """
+    """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in. Raises MapError."""
     raw, offset = _signal(scan, sweep)
     shape, lead = raw.shape, sweep.plan.n_lead
     order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
@@ -106,8 +103,7 @@ def edge_map(
 ) -> EdgeMap:
     """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction.
 
-    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored. Raises MapError: a sweep
-    without usable samples or without land; `within_mm` was not scanned.
+    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored. Raises MapError.
 
     Args:
         register: remove play between back-and-forth and crossed passes if the maps show any.

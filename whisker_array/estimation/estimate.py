@@ -112,7 +112,6 @@ def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Arr
 
 
 def _small_root(square: ArrayLike, linear: ArrayLike, constant: ArrayLike) -> Array:
-    """Root of square x^2 + linear x + constant nearer to zero, without cancellation; NaN if not real."""
     a, b, c = (np.asarray(v, dtype=np.float64) for v in np.broadcast_arrays(square, linear, constant))
     with np.errstate(divide="ignore", invalid="ignore"):
         disc = b * b - 4.0 * a * c

@@ -34,12 +34,7 @@ MAD = 1.4826
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepShares(OneLine):
-    """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
-
-    Attributes:
-        share: (passes, whiskers, samples).
-        air: (passes, whiskers, air samples), each pass about its median.
-    """
+    """The dragged passes (passes, whiskers, samples) of one direction as shares of the land's moment, or NaN."""
 
     plan: SweepPlan
     share: Floats
@@ -128,10 +123,7 @@ def _in_runs(values: Floats, run: int) -> Mask:
 
 
 def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:
-    """Quantile of the known values along the last axis; NaN where fewer than `fewest` are known.
-
-    It equals `np.nanquantile`, which is many times slower for many rows.
-    """
+    """Quantile of the known values along the last axis, like `np.nanquantile`, which is much slower for many rows."""
     if not values.shape[-1]:
         return np.full(values.shape[:-1], np.nan)
     known = (values < np.inf).sum(axis=-1)
@@ -183,8 +175,6 @@ def sharpness(
 
     Lines on both sides of the border between two whiskers cross the same marks; a worn tip does not reach their floors
     and rounds their edges. All borders are reconciled by least squares, like gains.
-        line_pitch_mm: lines more than two pitches apart, as in a scan of few passes, cross
-            different marks and are not compared.
     """
     n = shares[0].share.shape[1]
     borders: list[tuple[int, int, float]] = []
@@ -302,7 +292,6 @@ def strongest_tone(
 
 
 def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Floats:
-    """Median at each position, NaN where any value is: a sorting network, ten times as fast as `np.median`."""
     low = np.maximum(np.minimum(a, b), np.minimum(c, d))
     high = np.minimum(np.maximum(a, b), np.maximum(c, d))
     median: Floats = np.maximum(np.minimum(e, low), np.minimum(np.maximum(e, low), high))

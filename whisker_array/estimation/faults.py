@@ -134,7 +134,6 @@ class FaultLimits(OneLine):
 
     Attributes:
         unit: ratio of moments above which the unit is in doubt and not the height of the stage.
-        clear: least level of a signal over its noise that shows another unit rather than a broken whisker.
         misfit: least mean squared difference of neighbouring lines, share of the land, with exchanged channels.
         misfit_left: greatest share of it that is left in another order of the channels.
         times_others: greatest ratio of a whisker's noise and steps to those of the others.
@@ -251,7 +250,6 @@ class _CheckedSignals:
 
     Attributes:
         shares: all sweeps, NaN where tips run beyond the part.
-        shares: shares of all sweeps, NaN where tips run beyond the part.
         level: (whiskers,) level of the land; NaN for a whisker that has too few samples on the part.
     """
 
@@ -265,7 +263,6 @@ class _CheckedSignals:
 
 
 def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _CheckedSignals | None:
-    """Check the signals; None without a dragged sweep."""
     if all(s.plan.pushed for s in scan.sweeps):
         return None
     columns = np.flatnonzero(np.asarray(scan.kind) == 0).tolist()

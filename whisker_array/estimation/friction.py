@@ -58,8 +58,6 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _LandLines:
-    """Moments of land in plate order along the trace, (lines, samples), NaN off the land; position and whisker."""
-
     moment: NDArray[np.float64]
     place_mm: NDArray[np.float64]
     whisker: NDArray[np.int64]
@@ -70,7 +68,6 @@ class _LandLines:
 
 
 def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _LandLines:
-    """Lines of one kind of whisker, NaN where they differ from the land by more than `band`."""
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     within = slice(sweep.plan.n_lead, sweep.plan.n_samples - sweep.plan.n_lead)
     moment = usable_moments(scan, sweep)[:, columns, within]

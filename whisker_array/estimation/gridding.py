@@ -104,10 +104,7 @@ def common_grid(
     *,
     within_mm: tuple[float, float, float, float] | None = None,
 ) -> PlateGrid:
-    """Return the grid that all sweeps cover, within (x0, y0, x1, y1).
-
-    Raises MapError: the sweeps do not overlap within these limits.
-    """
+    """Return the grid that all sweeps cover, within (x0, y0, x1, y1). Raises MapError if they do not overlap there."""
     spans_x, spans_y = [], []
     for each in swept:
         spans = (each.along_mm, each.place_mm) if each.direction.along_x else (each.place_mm, each.along_mm)

@@ -12,7 +12,6 @@ Floats = NDArray[np.float64]
 
 @kernel(allow=ANY_ORDER)
 def _row_sums(target, u, base, linear, square, inv_cut, sums):  # type: ignore[no-untyped-def]
-    """Sums of each row: w u^0..4 and w y u^0..2, w the biweight about base + linear u + square u^2."""
     for i in range(target.shape[0]):
         s0 = s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
         for j in range(u.size):

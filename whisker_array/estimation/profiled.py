@@ -118,13 +118,11 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
 
 
 def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
-    """Values of one sweep on the grid, NaN where unknown."""
     (layer,), (good,) = on_grid([swept], grid, shift=shift)
     return np.where(good, layer, np.nan)
 
 
 def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> tuple[Lines, Lines]:
-    """Solve theta = s tau + e phi by least squares at each pixel; with one sign by the land's phi, phi NaN."""
     s = np.array([view.base_ahead for view in views])[:, None, None]
     e = np.array([view.friction_sign for view in views])[:, None, None]
     known = np.isfinite(leans)
@@ -153,7 +151,6 @@ def _without_snags(
     *,
     least_give: float = 0.5,
 ) -> Lines:
-    """Remove walls on which a pushed view nearly jams: lifting takes 1 / `least_give` of the force without lean."""
     if view.friction_sign > 0.0:
         return lean
     t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))

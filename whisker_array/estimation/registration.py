@@ -68,10 +68,7 @@ def registration_mm(
 
 
 def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
-    """Find the play between forward and backward maps that agrees best with eq. (16), pixels.
-
-    Returns the play, positive when the forward map must move to larger coordinates; 0 without a clear minimum.
-    """
+    """Find the play, pixels, that agrees best with eq. (16): by it the forward map must move up; 0 if unclear."""
     strength = (ahead**2).sum(axis=1) + (behind**2).sum(axis=1)
     lines = np.argsort(-strength)[:MOST_LINES]
     ahead, behind = ahead[lines], behind[lines]
@@ -155,7 +152,6 @@ def _shift_rows(layer: Layer, pixels: float) -> Layer:
 
 
 def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
-    """(rows, cols) by which `moved` must be shifted to match `reference`, by correlation."""
     from glyphs.opencv import cv2
 
     reach = LIMIT_PIXELS + 1

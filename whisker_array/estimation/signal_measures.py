@@ -176,8 +176,6 @@ class ChannelOrder(NamedTuple):
 
 
 class _Borders(NamedTuple):
-    """Lines on both sides of the borders between whiskers: differences of all pairs of channels (borders, n, n)."""
-
     along_x: Mask
     whisker: NDArray[np.intp]
     beside: NDArray[np.intp]
@@ -272,7 +270,6 @@ def _borders(f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: floa
 
 
 def _mean_squares(lines: Floats, others: Floats, *, fewest: int = 20) -> Floats:
-    """(n, m) mean squared difference of each of (n, samples) lines from each of (m, samples); NaN if unknown."""
     known, known_others = (np.isfinite(values).astype(np.float64) for values in (lines, others))
     lines, others = (np.nan_to_num(values) for values in (lines, others))
     both = known @ known_others.T
@@ -283,7 +280,6 @@ def _mean_squares(lines: Floats, others: Floats, *, fewest: int = 20) -> Floats:
 def _misfits(
     borders: _Borders, orders: NDArray[np.intp], backward: tuple[bool, bool], quiet: Mask
 ) -> tuple[Floats, Floats]:
-    """Misfit of each order (orders, whiskers), and of the present one at the borders that it changes."""
     each, now = np.arange(borders.whisker.size), borders.now
     turned = np.where(borders.along_x, *backward)
     whisker, beside = orders[:, borders.whisker], orders[:, borders.beside]

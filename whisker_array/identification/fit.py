@@ -96,12 +96,9 @@ class IdentifyError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(OneLine):
-    """An identified bench.
+    """An identified bench; the gains of whiskers that were not used keep their prior.
 
-    Attributes:
-        bench: the numbers.
-        repeated: (n, n) covariance for comparing fits of the same bench, without errors common to both.
-        whiskers: whiskers used in the fit; the gains of others keep their prior.
+    The covariance `repeated` (n, n) compares fits of the same bench, without errors common to both.
     """
 
     bench: Bench
@@ -280,7 +277,6 @@ class _Rows:
         return np.concatenate([*residuals, u])
 
     def jacobian(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of the rows; those of moments by differences, but for factors of the moment."""
         moments, n = self._moments(u), u.size
         sides = {}
         for i in self._varied:
@@ -307,7 +303,6 @@ class _Rows:
     def bootstrap(
         self, solution: OptimizeResult, rng: np.random.Generator, *, wider: float, draws: int = 400
     ) -> NDArray[np.float64]:
-        """(n, n) covariance of u; scatter of the passes counts `wider` times."""
         # scipy scales its Jacobian by (1 + z)^(-3/4), so that J^T J is the Hessian of the loss; residuals to match
         n, z = solution.x.size, (solution.fun / BEND) ** 2
         residual = solution.fun * (1.0 + z) ** 0.25

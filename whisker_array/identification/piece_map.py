@@ -124,7 +124,6 @@ class PieceMap:
 
 
 def _turn(by_rad: float) -> NDArray[np.float64]:
-    """(2, 2) rotation from the plate to the frame of a rotated object on it."""
     c, s = math.cos(by_rad), math.sin(by_rad)
     return np.array([[c, s], [-s, c]])
 
@@ -134,6 +133,5 @@ def _shift_mm(bench: Bench) -> NDArray[np.float64]:
 
 
 def _ends_mm(trace: Trace) -> list[tuple[float, float]]:
-    """(x, y) on the plate of the ends of a line."""
     line_mm, along_x = trace.line_mm, trace.plan.direction.along_x
     return [(end, line_mm) if along_x else (line_mm, end) for end in trace.plan.position_mm()[[0, -1]]]

@@ -24,11 +24,7 @@ _BESIDE = 3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trace(OneLine):
-    """One recorded line of one whisker.
-
-    Attributes:
-        measured_n_mm: (samples,) signal minus that in the air, NaN where unusable.
-    """
+    """One recorded line of one whisker: (samples,) signal minus that in the air, NaN where unusable."""
 
     plan: SweepPlan
     cluster: int
@@ -71,7 +67,6 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
 
 
 def _walls_n_mm(trace: Trace) -> float:
-    """Information of a line, from its steps, because the whole spread would favour lines with drift."""
     return float(np.nanstd(np.diff(trace.measured_n_mm)))
 
 

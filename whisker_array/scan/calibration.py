@@ -52,8 +52,8 @@ def calibrate_lead_in(
 ) -> Calibration:
     """Gain and offset of every whisker from its lead-in: first air, then land.
 
-        expected_land_moment_n_mm: land moment by the whisker model, N mm, negative in its frame. An error in it, for
-            example from an unknown friction, changes all gains equally and leaves m / m_land - 1 unchanged.
+    An error in the expected land moment, negative in the model's frame, for example from an unknown friction,
+    changes all gains equally and leaves m / m_land - 1 unchanged.
 
     Raises SensorError: lead-in too short, not finite or too noisy; a moment on land that does not stand out from air.
     """

@@ -15,14 +15,7 @@ from whisker_array.scan.sensor import SensorError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LeadIn(OneLine):
-    """A calibration and the samples that it is based on.
-
-    Attributes:
-        land_samples: (whiskers,) samples on the land; 0 for a whisker that never ran in on the part, whose
-            gain stays 1.
-        residual_n_mm: (whiskers,) rms error of these samples after calibration, relative to 0 in the air and to the
-            expected moment on the land.
-    """
+    """A calibration, and the samples that it is based on and their rms error; without land samples a gain stays 1."""
 
     calibration: Calibration
     air_samples: NDArray[np.int64]

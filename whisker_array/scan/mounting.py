@@ -44,11 +44,7 @@ class VirtualBench(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mounted(OneLine):
-    """A part's surface by radius of the tip, mm, padded in the plate frame, and its bench.
-
-    Attributes:
-        drift_n_mm: (whiskers,) drift of the zeros; each pass updates it.
-    """
+    """A part's surface by radius of the tip, mm, padded in the plate frame, and its bench, which drifts."""
 
     surfaces: dict[float, TouchSurface]
     origin_mm: float
@@ -139,10 +135,7 @@ def mount(
     stage: StagePlay | None = None,
     rng: np.random.Generator | None = None,
 ) -> Mounted:
-    """Prepare a part for simulated scans.
-
-    Raises MapError for a friction map or soil that does not fit, ValueError for a sensor or stage without `rng`.
-    """
+    """Prepare a part for simulated scans. Raises MapError, or ValueError for a sensor or stage without `rng`."""
     if rng is None and (sensor is not None or stage is not None):
         raise ValueError(
             "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"

@@ -150,7 +150,6 @@ class RecordingReader(CheckedFile):
             )
 
     def _offsets(self) -> NDArray[np.float64]:
-        """Distance of each whisker behind whisker 0, mm."""
         offset = self.numbers("whisker/offset_mm", (self._n_whiskers,), default=0.0)
         self.require(
             offset[0] == 0.0 and offset.min() >= 0.0,
@@ -172,7 +171,6 @@ class RecordingReader(CheckedFile):
         return [(rows[phase[rows] == 0], rows[phase[rows] == 1]) for rows in passes]
 
     def _moments(self, unit_n_mm: float) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """(rows, whiskers) moment and flags; a moment that is no reading is 0 and flagged."""
         signal = self.dataset("scan/signal", (None, None))
         columns = self._columns(signal.shape[1])
         scale = self.attribute("scale_factor", 1.0) * unit_n_mm

@@ -159,7 +159,6 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
 
 
 def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
-    """(pass x sample, 2) plate x, y of whisker 0; the lifted array waits above its first touching sample."""
     ran = replace(plan, n_samples=plan.n_samples + int(plan.behind.max(initial=0)))
     along = np.concatenate([np.full(n_air, plan.start_mm), ran.position_mm()])
     n_pass = plan.line_mm.shape[0]

@@ -71,12 +71,7 @@ class Gauges(OneLine, Validated, error=SensorError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SensorChain(Gauges):
-    """Gauge, amplifier and converter of every whisker of an array.
-
-    Attributes:
-        vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers at one
-            sample, because they share the base.
-    """
+    """Gauge, amplifier and converter of every whisker; they share the base, and so its vibration."""
 
     noise_n_mm: NotNegative = 0.0
     drift_n_mm_per_sqrt_s: NotNegative = 0.0

@@ -27,13 +27,7 @@ from whisker_array.whisker.passes import SweepPlan
 
 @dataclass(frozen=True)
 class StagePlay(Validated):
-    """Position errors of a stage, the same along x and y.
-
-    Attributes:
-        play_mm: travel lost when the direction is reversed.
-        rate: error of travel from the plate's origin, as a share of the travel.
-        return_mm: rms error across the trace with which a pass returns to its line.
-    """
+    """Position errors of a stage, the same along x and y: play, error per travel, rms error of return to a line."""
 
     play_mm: NotNegative = 0.010
     rate: Annotated[float, Range(-0.1, 0.1)] = 0.023 / 300.0

@@ -14,12 +14,7 @@ from whisker_array.whisker.passes import SweepPlan
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(OneLine):
-    """The raw moments of all passes in one direction.
-
-    Attributes:
-        moment_n_mm: (passes, whiskers, samples) float32, raw.
-        air_n_mm: (passes, whiskers, air samples) float32, moments with the array lifted before each pass.
-    """
+    """The raw moments (passes, whiskers, samples) of all passes in one direction, and those in air before each."""
 
     plan: SweepPlan
     moment_n_mm: NDArray[np.float32]

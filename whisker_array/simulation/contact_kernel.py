@@ -29,7 +29,6 @@ SMOOTHING_STEPS = 1e-3
 
 @inline_kernel
 def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
-    """Height, both slopes and friction at (x, z)."""
     cell = cell_of(fields, x * inv_pitch, z * inv_pitch)
     h, p, q = bilinear(fields, cell, 0), bilinear(fields, cell, 1), bilinear(fields, cell, 2)
     return h, p, q, bilinear(fields, cell, 3)
@@ -70,7 +69,6 @@ def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def
 
 @inline_kernel
 def _sinking_step(K, track, top, kappa, friction, balance, turning):  # type: ignore[no-untyped-def]
-    """Newton's step in x, z and sinkage s: both balances along the track, and kappa s = f_n, by Cramer's rule."""
     p, q, inv_norm = track
     ux, uz = friction
     # change of the force, in components and along the normal, by x, z and s

@@ -76,7 +76,6 @@ def _factor(ratio: float) -> int:
 
 
 def _block(ratio: float) -> int:
-    """Number of samples to average to one: odd, so that a block has its centre on a sample."""
     block = int(np.floor(0.5 / ratio + 1e-6))
     return block - (1 - block % 2)
 
@@ -108,7 +107,6 @@ def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
 
 
 def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
-    """Mean over odd blocks centred on samples 0, block, 2 block ...; NaN only where a whole block is NaN."""
     half = block // 2
     rows, cols = values.shape
     n_rows, n_cols = (rows - 1) // block + 1, (cols - 1) // block + 1

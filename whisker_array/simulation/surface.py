@@ -85,7 +85,7 @@ def prepare_surface(
 
     For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between.
 
-    Raises MapError: a map of another shape, negative or not finite; soil of another shape.
+    Raises MapError for a map of another shape.
     """
     mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)

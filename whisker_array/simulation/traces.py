@@ -49,12 +49,7 @@ _MESSAGES = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Traces(OneLine):
-    """Moments of a bundle of parallel traces.
-
-    Attributes:
-        moment_n_mm: (lines, samples) float32; 0 where contact is lost or the tip jams.
-        flags: (lines, samples) uint8 of SampleFlag.
-    """
+    """Moments (lines, samples) of parallel traces; 0 where contact is lost or the tip jams."""
 
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]

@@ -140,7 +140,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         )
 
     def _ways(self) -> Iterator[tuple[Pass, NDArray[np.float64]]]:
-        """First pass and lines (passes, whiskers) of every direction, dragged, then of those pushed back."""
         x0, y0, x1, y1 = self.region_mm
         ways = [(direction, False) for direction in self.directions]
         if self.two_way:

@@ -112,7 +112,6 @@ class Segment(OneLine):
 
 
 def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
-    """Quadratures over [0, 1], coarse to fine: points and weights; a single exact one for a constant section."""
     if not isinstance(segment.section, Taper):
         yield np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
         return
@@ -124,7 +123,6 @@ def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
 
 
 def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: bool) -> Matrix:
-    """Integral of G^T C G over the segment with one quadrature, (6, 6)."""
     points = segment.points_mm(t)
     arms = np.concatenate([cross_matrix(tip - points), np.broadcast_to(np.eye(3), (t.size, 3, 3))], axis=2)
     c = segment.section_compliances(t)

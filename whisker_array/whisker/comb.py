@@ -150,7 +150,6 @@ def _body(
     steepest: float = math.sqrt(3.0),
     clamp_thicknesses: float = 4.0,
 ) -> Body:
-    """The steepest wall that pushes the tip sideways has the tangent `steepest`, 60 degrees."""
     segments = whisker.segments()
     outline = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
     sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]

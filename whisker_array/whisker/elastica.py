@@ -105,7 +105,6 @@ class _Rod:
         return np.asarray(np.hypot(self.along[0], self.along[1]))
 
     def softness(self, t: Vector) -> Matrix:
-        """(n, nodes) share L^3 / (give EI), give = e_y.D11 R a: bending by the linear force on an arm L."""
         ei = np.empty((len(self.segments), t.size))
         for row, s in zip(ei, self.segments, strict=True):
             places = t if isinstance(s.section, Taper) else t[:1]

@@ -81,8 +81,8 @@ def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDAr
 def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.0, mu: float) -> float:
     """Eqs. (7) and (11): the normal force at which the tip is at the height of the surface, N.
 
-    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is the height of the tip above its unloaded path. Raises
-    WhiskerError: the whisker jams: no force within the friction cone lifts the tip.
+    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is the height of the tip above its unloaded path.
+    Raises WhiskerError where the whisker jams: no force within the friction cone lifts the tip.
     """
     give = float(tip_model.compliance_mm_per_n[1] @ rotation(alpha_rad) @ contact_direction(mu))
     if give <= 0.0:

@@ -55,7 +55,6 @@ class SweepPlan(OneLine):
             several kinds, whiskers of the first kind come first.
         step_mm: distance between samples, mm, positive; positions decrease from start_mm if the direction is
             backward.
-        n_lead: number of samples of the lead-in on land before the region, and of the lead-out behind it.
         offset_mm: distance of each whisker behind the foremost row, along the trace; empty if all are level.
     """
 
@@ -87,12 +86,7 @@ class SweepPlan(OneLine):
 
 @dataclass(frozen=True, repr=False)
 class Pass(OneLine, Validated, error=WhiskerError):
-    """One travel of the array.
-
-    Attributes:
-        line_mm: plate coordinate across the trace of every whisker of the array.
-        preload_mm: depth of the unloaded tip below the land; default: that of the touch.
-    """
+    """One travel of the array over the plate coordinates of its whiskers; the default preload is that of the touch."""
 
     direction: TraceDirection
     line_mm: tuple[Finite, ...]

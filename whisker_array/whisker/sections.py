@@ -67,13 +67,7 @@ MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3
 
 @dataclass(frozen=True)
 class Section(Validated, error=WhiskerError):
-    """A cross-section: its dimensions and the values derived from them.
-
-    Attributes:
-        i_vertical_mm4: second moment for bending in the vertical plane of the whisker (about the lateral axis).
-        i_lateral_mm4: second moment for bending sideways (about the in-plane axis across the beam).
-        j_mm4: St. Venant torsion constant; for a round section it is the polar second moment.
-    """
+    """A cross-section: its dimensions and the values derived from them."""
 
     area_mm2: float = field(init=False, repr=False, compare=False)
     i_vertical_mm4: float = field(init=False, repr=False, compare=False)
@@ -87,7 +81,6 @@ class Section(Validated, error=WhiskerError):
             object.__setattr__(self, name, value)
 
     def _derive_round(self, outer_mm: float, inner_mm: float = 0.0) -> None:
-        """Set the values of a ring: pi (D^2 - d^2) / 4, pi (D^4 - d^4) / 64, D / 2."""
         i = math.pi * (outer_mm**4 - inner_mm**4) / 64.0
         self._derive(area_mm2=math.pi * (outer_mm**2 - inner_mm**2) / 4.0, j_mm4=2.0 * i)
         self._derive(

@@ -35,11 +35,8 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TipModel(OneLine):
-    """Compliance of the tip and moment arm of the sensor: all properties of a whisker that contact needs.
-
-    Attributes:
-        compliance_mm_per_n: (3, 3) float64, D11 in world axes, mm/N; symmetric positive definite, read-only.
-        moment_arm_mm: (3,) float64, third row of T1: m = moment_arm_mm . f, N mm, read-only.
+    """Compliance D11, mm/N, of the tip in world axes, and moment arm of the sensor: all that contact needs.
+    `moment_arm_mm` (3,) is the third row of T1: m = moment_arm_mm . f.
     """
 
     compliance_mm_per_n: Matrix
@@ -146,10 +143,7 @@ class LShaped(OneLine, Validated, error=WhiskerError):
 def straight_whisker(
     length_mm: float, beta_rad: float, section: SectionLike, material: Material = MUSIC_WIRE
 ) -> LShaped:
-    """Make a straight whisker, the profiler of Sec. 3.5: F = 1 at any friction.
-
-    Without its axial term (`tip_model(axial=False)`) D11 is singular.
-    """
+    """Make a straight whisker, the profiler of Sec. 3.5: F = 1 at any friction; without axial term D11 is singular."""
     return LShaped(length_mm, 0.0, 0.0, beta_rad, section, material)
 
 
@@ -159,8 +153,6 @@ class Chain(OneLine, Validated, error=WhiskerError):
 
     Attributes:
         points_mm: (n + 1, 3) float64, base to tip in the world frame (tip behind the base), mm; read-only.
-        sections: n sections or Tapers, one for each segment; a single one is used throughout.
-        l3_mm: distance by which the sensor base is lowered below the first point, mm.
     """
 
     points_mm: Matrix

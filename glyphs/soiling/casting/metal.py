@@ -116,7 +116,6 @@ def blow_holes(
 
 
 def _bubbles(coat: Coat, rng: np.random.Generator) -> list[tuple[NDArray[np.float64], float, float, float]]:
-    """Pinholes and blowholes: middle (y, x) and radius, mm; opening order, 0 to 1; depth under the skin, radii."""
     size, room = coat.height_mm, np.array(coat.shape) * coat.pitch_mm
     part = coat.area_mm2 / size**2
     bubbles = []

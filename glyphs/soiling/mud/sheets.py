@@ -166,8 +166,7 @@ def _cracks(
 ) -> tuple[Field, Field]:
     """Desiccation cracks: how open each sample is (0 to 1), and how far the edge of its plate curls up (0 to 1).
 
-    A plate wider than `spacing` thicknesses cracks in two. Cracks take the share `shrinkage` of its width, and the
-    share `curled` curls up at each edge.
+    A plate wider than `spacing` thicknesses cracks in two.
     """
     h = grid.height_mm
     rows, cols = grid.shape
@@ -189,7 +188,6 @@ def _cracks(
 
 
 def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
-    """Height of the sand grains' tops above the surface under the mud, mm; 0 without grain. Few grains are coarse."""
     pitch = coat.pitch_mm
     count = int(np.clip(3.0 * coat.area_mm2, 30, 2500))
     low, high = SAND_MM
@@ -216,7 +214,6 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
 def _finish(
     coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch, *, opaque_mm: float = 0.025
 ) -> Coat:
-    """Let the mud yield down to its sand; a film of `opaque_mm` hides 63 % of the surface below."""
     top = np.maximum(thick, sand)
     soft = top - sand
     grains = np.nonzero(sand)

@@ -36,12 +36,7 @@ def scatter_bumps(
     blunt: float,
     born: float,
 ) -> Bumps:
-    """Draw bumps at random places, log-normal in width and in height.
-
-    Args:
-        blunt: smallest `blunt`; the largest is 1.
-        born: smallest `born`; the largest is 0.8 more.
-    """
+    """Draw bumps at random places, log-normal in width and height; `blunt` is at most 1, `born` 0.8 more."""
     n = int(rng.poisson(density * coat.area_mm2 / coat.height_mm**2))
     log = spread * np.clip(rng.standard_normal((2, n)), -2.5, 2.5)
     radius = 0.5 * width * coat.height_mm * np.exp(log[0])

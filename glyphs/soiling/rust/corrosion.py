@@ -110,12 +110,10 @@ def draw_pits(coat: Coat, rng: np.random.Generator) -> Bumps:
 
 
 def _draw_blisters(coat: Coat, rng: np.random.Generator) -> Bumps:
-    """Blisters and tubercles: low domes, about 0.22 character heights across; half of them are 0.16 to 0.3."""
     return scatter_bumps(coat, 2.5, rng, width=0.22, spread=0.45, slope=0.3, blunt=0.6, born=0.1)
 
 
 def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above."""
     from scipy import fft
 
     length = outer * coat.height_mm / coat.pitch_mm
@@ -133,7 +131,6 @@ def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) 
 
 
 def _general_loss(time: Field, rough: Field, hollow: Field, deep: float) -> Field:
-    """General loss of steel, mm: log-normal over the plate; up to three quarters less in hollows."""
     uneven = np.exp(0.5 * np.clip(rough, -2.5, 2.5))
     return np.asarray(np.float32(0.5 * deep) * time * uneven * (1.0 - 0.75 * hollow), dtype=np.float32)
 

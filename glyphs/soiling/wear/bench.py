@@ -14,12 +14,7 @@ from glyphs.surface.noise import Field, ramp, share, smooth_noise
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bench(OneLine):
-    """A surface under the tools.
-
-    Attributes:
-        level_mm: (rows, cols) height of a stiff tool that rests on the surface and spans the strokes.
-        deep_mm: depth of the marks below that level (height of raised marks).
-    """
+    """A surface under the tools: `level_mm` is that of a stiff tool that rests on it and spans the strokes."""
 
     coat: Coat
     level_mm: Field

@@ -46,7 +46,6 @@ class _Life:
     """Shares of the kinds of wear on one part, independent of the amount: 0 to 1, about 1 for the leading kind.
 
     Attributes:
-        peened: wear by shot or hammer; at least 0.6 of `knocked`, because knocks also close edges.
         soft: softness of the rubbing tool: 0 a file, 1 a buff or loose grains.
         crossed: spread of the rubbing directions: 0 one belt, 1 a hand with emery.
     """
@@ -105,7 +104,6 @@ def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 def _rub(
     bench: Bench, z: Field, amount: float, life: _Life, *, rng: np.random.Generator
 ) -> tuple[Field, Field]:
-    """Lower and score the surface where the tool reaches; return it and the share (0 to 1) of fresh metal."""
     coat, deep = bench.coat, bench.deep_mm
     uneven = patches(coat, 2.0 * coat.height_mm, rng)
     scores = _scores(coat, life.crossed, rng)
@@ -153,7 +151,6 @@ def _scores(coat: Coat, crossed: float, rng: np.random.Generator) -> Field:
 
 
 def _stroke(half_mm: float, fine_mm: float, size_mm: float, rng: np.random.Generator) -> Field:
-    """(across, along) table of one stroke's scores, each V-shaped with ridges and of limited length."""
     lines, stations = int(2.0 * half_mm / fine_mm) + 1, 32
     count = max(8, int(2.0 * half_mm / (0.08 * size_mm)))
     line = rng.uniform(0, lines, count)

@@ -93,7 +93,6 @@ def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Fie
 def _furrows(
     coat: Coat, lines_mm: Field, length_mm: float, rng: np.random.Generator
 ) -> tuple[Field, Field, Field]:
-    """Furrows side by side: depth (lines, along), mm, and the shares cut and heaped up on each line (lines,)."""
     coarse = np.sqrt(coat.height_mm / 5.0)
     width = max(rng.uniform(0.1, 0.18) * coarse, 1.6 * coat.pitch_mm)
     grain, within = cells(lines_mm, width, rng)

@@ -28,13 +28,7 @@ Numbers = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class Seam(OneLine):
-    """The bead of a weld beside the plate.
-
-    Attributes:
-        away: unit vector (x, y) from the seam across the plate.
-        start_mm: position along that vector at which the plate begins.
-        reach_mm: distance over which drops and heat decrease by a factor of e.
-    """
+    """The bead of a weld beside the plate, from which drops and heat decrease by e every `reach_mm`."""
 
     away: Numbers
     start_mm: float

@@ -89,7 +89,6 @@ def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
 
 
 def _add_tint(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
-    """Add bands of temper colours: a film of about 50 nm, too thin to be felt."""
     wave = 1.0 + 0.06 * slow_noise(coat, 1.5 * coat.height_mm, rng)
     x, y = (axis.astype(np.float64) for axis in axes_mm(coat))
     hot_c = (amount * rng.uniform(400.0, 600.0) * seam.nearness(x, y)).astype(np.float32) * wave + 20

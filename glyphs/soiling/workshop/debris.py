@@ -86,7 +86,6 @@ def _lay(
 
 
 def _curl(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float64], float, float]:
-    """Line of a curl (an opening spiral) relative to its place, its half width and its height, mm."""
     turns = 0.3 + rng.exponential(0.6)
     t = np.linspace(0.0, 1.0, 60)
     angle = 2 * np.pi * turns * t * rng.choice((-1.0, 1.0)) + rng.uniform(0, 2 * np.pi)

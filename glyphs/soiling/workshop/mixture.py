@@ -35,14 +35,7 @@ _LEAST, _MOST = 0.4, 1.6
 
 @dataclass(frozen=True, repr=False)
 class Dirt(OneLine, Validated, error=StampError):
-    """Mean amount of each kind over parts, 0 (none) to 1; a single part has 0.4 to 1.6 times as much.
-
-    Attributes:
-        grime: caked into grooves and smeared over the land; yields to a hard push.
-        swarf: curls, slivers and grains of hard metal on the surface.
-        paint: a hard film that levels grooves, chipped in places.
-        burr: a rim along the marks, in addition to the burr of the stamping itself.
-    """
+    """Mean amount of each kind over parts, 0 (none) to 1; a single part has 0.4 to 1.6 times as much."""
 
     grime: Share = 0.0
     oil: Share = 0.0
