@@ -100,12 +100,12 @@ class Part:
         drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)
         camera_drawn = draw_camera(rng, pitch_mm=pixel_mm)
         first, stands = light or drawn, camera or camera_drawn
-        taken = photograph(self.soiled, first, stands, rng=rng)
+        picture = photograph(self.soiled, first, stands, rng=rng)
         noise = self._rng(_NOISE_STREAM)
         around = ((first.azimuth_deg + 360.0 * k / lights) % 360.0 for k in range(1, lights))
         turned = (replace(first, azimuth_deg=azimuth_deg) for azimuth_deg in around)
         others = tuple(photograph(self.soiled, each, stands, rng=noise) for each in turned)
-        return replace(taken, others=others)
+        return replace(picture, others=others)
 
     def _rng(self, stream: int) -> np.random.Generator:
         return np.random.default_rng([*self.seed, stream])

@@ -83,13 +83,13 @@ def middle_dots(ink: NDArray[np.uint8], pitch: float) -> NDArray[np.int64]:
     middle = (inside >= cv2.dilate(inside, np.ones((3, 3), np.uint8)) - 0.3) & (inside > 1.0)
     left = np.argwhere(middle)
     left = left[np.lexsort((left[:, 0], left[:, 1] // max(1.0, pitch)))]
-    taken = np.zeros(ink.shape, dtype=bool)
+    covered = np.zeros(ink.shape, dtype=bool)
     reach = max(1, round(0.8 * pitch))
     dots = []
     for row, column in left:
-        if not taken[row, column]:
+        if not covered[row, column]:
             dots.append((row, column))
-            taken[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1] = True
+            covered[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1] = True
     return np.array(dots, dtype=np.int64).reshape(-1, 2)
 
 

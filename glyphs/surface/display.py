@@ -42,9 +42,9 @@ class WordedEnum(StrEnum):
 
     def __new__(cls, value: str, message: str = "") -> Self:
         """Make a member; look-up uses the value only."""
-        made = str.__new__(cls, value)
-        made._value_, made.message = value, message
-        return made
+        member = str.__new__(cls, value)
+        member._value_, member.message = value, message
+        return member
 
 
 class OneLine:

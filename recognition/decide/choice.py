@@ -31,7 +31,7 @@ DOUBTFUL = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The text that is chosen from the evidence, and what was measured for it; readings of each sense `alone`, if both."""
+    """The text that is chosen from the evidence, and what was measured for it; if both looked, each `alone`."""
 
     senses: tuple[SenseEvidence, ...]
     alone: Mapping[str, Reading] = field(default_factory=lambda: MappingProxyType({}))

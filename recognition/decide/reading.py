@@ -287,7 +287,7 @@ class Reading:
 
     @property
     def actions(self) -> tuple[Action, ...]:
-        """Action for each character's mark; none for an accepted reading, other layouts, and places not of the format."""
+        """Action for each character's mark; none if it is accepted, in another layout, or not of the format."""
         # imported here, so that storing or showing readings does not load the libraries that grade marks
         from recognition.marks.grade import Action
 

@@ -49,11 +49,11 @@ def on_ink(
     if not seen.any():
         return ()
     shares = np.linspace(0.0, 1.0, 33)
-    at = ((shares * line.length_mm / line.height_mm) + MARGIN) * HEIGHT_ROWS
-    off = _parabola(columns[seen], offsets[seen], at, scatter)
+    along = ((shares * line.length_mm / line.height_mm) + MARGIN) * HEIGHT_ROWS
+    off = _parabola(columns[seen], offsets[seen], along, scatter)
     size = float(np.clip(np.median(spreads[seen]) / usual_spread, 1.0 / most_size, most_size))
     right_size = height_known or abs(np.log(size)) < least_change
-    within = (at >= columns[0]) & (at <= columns[-1])
+    within = (along >= columns[0]) & (along <= columns[-1])
     if right_size and np.abs(off[within]).max(initial=0.0) < least_off:
         return ()
     points = moved_across(points_along(line, shares), off * line.height_mm)
@@ -84,7 +84,7 @@ def _ink(
     return middles, spreads
 
 
-def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float) -> Floats:
+def _parabola(columns: Floats, offsets: Floats, along: Floats, scatter: float) -> Floats:
     from scipy.optimize import least_squares
 
     degree = min(2, max(0, (columns.size - 1) // 2))
@@ -92,4 +92,4 @@ def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float) -> F
     powers = np.vander((columns - middle) / half, degree + 1)
     start = np.linalg.lstsq(powers, offsets, rcond=None)[0]
     fit = least_squares(lambda p: powers @ p - offsets, start, loss="soft_l1", f_scale=scatter)
-    return np.asarray(np.vander((at - middle) / half, degree + 1) @ fit.x)
+    return np.asarray(np.vander((along - middle) / half, degree + 1) @ fit.x)

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import chain
 from typing import Self
 
 from recognition.find.finder import FoundLine, find_lines, overlap
@@ -63,10 +64,8 @@ class Search:
     def turned_candidates(self, *turns_deg: float) -> list[TextLine]:
         """Propose lines turned by about these angles, clockwise as seen, most promising first."""
         height_mm = self.request.height_mm
-        found = [
-            each for deg in turns_deg for each in find_lines(self.view, height_mm=height_mm, turned_deg=deg)
-        ]
-        return [each.line for each in sorted(found, key=lambda each: -each.score)]
+        by_turn = (find_lines(self.view, height_mm=height_mm, turned_deg=deg) for deg in turns_deg)
+        return [candidate.line for candidate in sorted(chain(*by_turn), key=lambda candidate: -candidate.score)]
 
     def heights_mm(self) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""

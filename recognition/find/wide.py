@@ -28,7 +28,7 @@ Corners = list[tuple[int, int]]
 def read_wide(search: Search, *, most_lines: int = 10) -> list[ReadLine]:
     """Lines of a large picture that are text by a cheap look, most promising first."""
     lines = find_wide(search.view, height_mm=search.request.height_mm)[:most_lines]
-    read = search.in_region(search.read((found.line for found in lines), cheap=True))
+    read = search.in_region(search.read((candidate.line for candidate in lines), cheap=True))
     return sorted((line for line in read if line.is_text), key=promise_of, reverse=True)
 
 

@@ -192,8 +192,8 @@ class _Net:
 
     def _members(self, part: Any) -> Chars:
         if (name := repr(part.data)) not in self.known:
-            taken = _compiler.compile(part, re.ASCII).fullmatch
-            self.known[name] = frozenset(filter(taken, self.chars))
+            matches = _compiler.compile(part, re.ASCII).fullmatch
+            self.known[name] = frozenset(filter(matches, self.chars))
         return self.known[name]
 
     def _item(self, part: Any, end: int) -> int:

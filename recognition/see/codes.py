@@ -59,10 +59,10 @@ class Code:
 
 def codes_of(photo: Photo) -> tuple[Code, ...]:
     """Decode the codes of a photograph, each text once; of several, those are tried until one shows a code."""
-    for one in (photo, *photo.others):
-        found = next((codes for variant in _variants(one) if (codes := _decode(*variant, photo))), ())
-        if found:
-            return found
+    for picture in (photo, *photo.others):
+        decoded = next((codes for variant in _variants(picture) if (codes := _decode(*variant, photo))), ())
+        if decoded:
+            return decoded
     return ()
 
 
@@ -92,16 +92,16 @@ def _decode(grey: NDArray[Any], try_inverted: bool, frame: Photo) -> tuple[Code,
         zxingcpp.BarcodeFormat.QRCode,
         zxingcpp.BarcodeFormat.MicroQRCode,
     )
-    found = zxingcpp.read_barcodes(grey, formats=zxingcpp.BarcodeFormats(kinds), try_invert=try_inverted)
+    barcodes = zxingcpp.read_barcodes(grey, formats=zxingcpp.BarcodeFormats(kinds), try_invert=try_inverted)
     pitch_mm, (x0, y0) = photo_pitch_mm(frame) * frame.shape[1] / grey.shape[1], photo_origin_mm(frame)
     codes: dict[str, Code] = {}
-    for one in found:
-        at = one.position
-        points = (at.top_left, at.top_right, at.bottom_right, at.bottom_left)
+    for barcode in barcodes:
+        position = barcode.position
+        points = (position.top_left, position.top_right, position.bottom_right, position.bottom_left)
         corners = tuple((x0 + p.x * pitch_mm, y0 + p.y * pitch_mm) for p in points)
-        text = one.text.translate(_PICTURES)
+        text = barcode.text.translate(_PICTURES)
         if text:
-            codes.setdefault(text, Code(str(one.format), text, corners))
+            codes.setdefault(text, Code(str(barcode.format), text, corners))
     return tuple(codes.values())
 
 
@@ -121,14 +121,14 @@ def without_codes(
         wider = middle + (1.0 + 2.0 * quiet) * (corners - middle)
         cv2.fillConvexPoly(mask, np.rint((wider - origin_mm) / pitch_mm).astype(np.int32), 255)
 
-    def fill(one: Photo) -> Photo:
-        pixels = np.atleast_3d(one.pixels)
+    def fill(picture: Photo) -> Photo:
+        pixels = np.atleast_3d(picture.pixels)
         # OpenCV fills 16-bit images one channel at a time
         layers = [
             cv2.inpaint(np.array(pixels[..., k]), mask, fill_radius, cv2.INPAINT_TELEA)
             for k in range(pixels.shape[2])
         ]
-        made: Any = np.stack(layers, axis=-1).reshape(one.pixels.shape).astype(one.pixels.dtype)
-        return replace(one, pixels=made, others=tuple(map(fill, one.others)))
+        filled: Any = np.stack(layers, axis=-1).reshape(picture.pixels.shape).astype(picture.pixels.dtype)
+        return replace(picture, pixels=filled, others=tuple(map(fill, picture.others)))
 
     return fill(photo)

@@ -83,7 +83,7 @@ def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDA
     (x, y), _ = cv2.phaseCorrelate(steady, moving, cv2.createHanningWindow(steady.shape[::-1], cv2.CV_32F))
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, _STEPS, _LEAST_GAIN)
     everywhere = np.ones(steady.shape, dtype=np.uint8)
-    found: list[tuple[float, NDArray[np.float32]]] = []
+    fits: list[tuple[float, NDArray[np.float32]]] = []
     for start in ((x, y), (0.0, 0.0)):
         motion = np.array([[1.0, 0.0, start[0]], [0.0, 1.0, start[1]]], dtype=np.float32)
         try:
@@ -92,10 +92,10 @@ def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDA
             )
         except cv2.error:
             continue  # it did not converge
-        found.append((float(alike), np.asarray(moved, dtype=np.float32)))
+        fits.append((float(alike), np.asarray(moved, dtype=np.float32)))
         if alike > 2.0 * least_alike:
             break
-    best = max(found, key=lambda one: one[0], default=None)
+    best = max(fits, key=lambda fit: fit[0], default=None)
     return best[1] if best is not None and best[0] >= least_alike else None
 
 

@@ -31,21 +31,21 @@ def resample(
     known = view.layers[KNOWN]
     sigma = blur * max(ratio - 1.0, 0.0)
     weight = np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-3) if sigma else known
-    made = np.zeros((len(view.layers), rows, columns), dtype=np.float32)
+    resampled = np.zeros((len(view.layers), rows, columns), dtype=np.float32)
     back = np.array([[ratio, 0.0, start[0]], [0.0, ratio, start[1]]])
     for layer in view.filled:
         values = view.layers[layer]
         if sigma and layer != KNOWN:
             values = cv2.GaussianBlur(values * known, (0, 0), sigma) / weight
-        made[layer] = cv2.warpAffine(
+        resampled[layer] = cv2.warpAffine(
             values,
             back,
             (columns, rows),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
-    made[KNOWN] = made[KNOWN] > 0.5
-    return np.asarray(made * made[KNOWN], dtype=np.float32)
+    resampled[KNOWN] = resampled[KNOWN] > 0.5
+    return np.asarray(resampled * resampled[KNOWN], dtype=np.float32)
 
 
 def turn_view(view: View, turned_deg: float) -> View:
@@ -59,19 +59,19 @@ def turn_view(view: View, turned_deg: float) -> View:
     back = np.array([[cos, -sin, 0.0], [sin, cos, 0.0]])
     middles = [np.array([(n - 1) / 2 for n in shape]) for shape in (size, (columns, rows))]
     back[:, 2] = middles[1] - back[:, :2] @ middles[0]
-    made = np.zeros((len(view.layers), size[1], size[0]), dtype=np.float32)
+    turned = np.zeros((len(view.layers), size[1], size[0]), dtype=np.float32)
     for layer in view.filled:
-        made[layer] = cv2.warpAffine(
+        turned[layer] = cv2.warpAffine(
             view.layers[layer], back, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )
-    made[KNOWN] = made[KNOWN] > 0.999
-    made *= made[KNOWN]
-    if made[GREY].any():
+    turned[KNOWN] = turned[KNOWN] > 0.999
+    turned *= turned[KNOWN]
+    if turned[GREY].any():
         # outside, use the median brightness of the picture, so that its rim does not look like a stroke
-        made[GREY] += (1.0 - made[KNOWN]) * float(np.median(view.layers[GREY]))
-    made[EDGES:KNOWN] = turned_edges(made[EDGES:KNOWN], turned_deg)
+        turned[GREY] += (1.0 - turned[KNOWN]) * float(np.median(view.layers[GREY]))
+    turned[EDGES:KNOWN] = turned_edges(turned[EDGES:KNOWN], turned_deg)
     origin_mm = (-middles[0][0] * view.pitch_mm, -middles[0][1] * view.pitch_mm)
-    return replace(view, layers=made, origin_mm=origin_mm)
+    return replace(view, layers=turned, origin_mm=origin_mm)
 
 
 def turn_back(points_mm: NDArray[np.float64], view: View, turned_deg: float) -> NDArray[np.float64]:

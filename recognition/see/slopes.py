@@ -41,8 +41,8 @@ def slope_picture(
     shape = photographs[0].shape
     reach = near * max(shape)
     ratios = [
-        cv2.GaussianBlur(one, (0, 0), _FOCUS) / (cv2.GaussianBlur(one, (0, 0), reach) + _DARK)
-        for one in photographs
+        cv2.GaussianBlur(photograph, (0, 0), _FOCUS) / (cv2.GaussianBlur(photograph, (0, 0), reach) + _DARK)
+        for photograph in photographs
     ]
     changes = np.log(np.clip(np.stack(ratios).reshape(len(ratios), -1), *_CUT))
     changes -= changes.mean(axis=0)
@@ -74,7 +74,7 @@ def _is_exposure(
         exposed: least spread of log brightness.
         along: least correlation of the first change with log brightness: 0.94 to 1.00, for those grooves 0.07.
     """
-    gains = np.log([float(one.mean()) + _DARK for one in photographs])
+    gains = np.log([float(photograph.mean()) + _DARK for photograph in photographs])
     if power[-2] > one_change * power[-1] or gains.std() < exposed:
         return False
     return abs(float(np.corrcoef(first, gains)[0, 1])) > along

@@ -98,8 +98,8 @@ class TextLine:
         points, pieces = points[np.r_[True, lengths > 0.0]], pieces[lengths > 0.0]
         lengths = lengths[lengths > 0.0]
         starts = np.r_[0.0, np.cumsum(lengths)]
-        at = np.clip(np.searchsorted(starts, along, side="right") - 1, 0, lengths.size - 1)
-        on = points[at] + (pieces[at] / lengths[at, None]) * (along - starts[at])[..., None]
+        piece = np.clip(np.searchsorted(starts, along, side="right") - 1, 0, lengths.size - 1)
+        on = points[piece] + (pieces[piece] / lengths[piece, None]) * (along - starts[piece])[..., None]
         # the direction turns evenly from the middle of a piece to the middle of the next
         angles = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
         turn = np.interp(along, starts[:-1] + lengths / 2, angles)

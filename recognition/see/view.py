@@ -157,23 +157,23 @@ class View:
         from glyphs.opencv import cv2
 
         x, y = (((places_mm[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
-        found = np.zeros((LAYERS, *x.shape), dtype=np.float32)
+        sampled = np.zeros((LAYERS, *x.shape), dtype=np.float32)
         for layer in self.filled:
-            found[layer] = cv2.remap(
+            sampled[layer] = cv2.remap(
                 self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
             )
-        found[EDGES:KNOWN] = turned_edges(found[EDGES:KNOWN], turned_deg)
-        return np.asarray(found * (found[KNOWN] > 0.999))
+        sampled[EDGES:KNOWN] = turned_edges(sampled[EDGES:KNOWN], turned_deg)
+        return np.asarray(sampled * (sampled[KNOWN] > 0.999))
 
 
 def turned_edges(edges: Layers, turned_deg: float) -> Layers:
     """(4, ...) edges of passes along turned axes, clockwise as seen: slopes add like components of a vector."""
     if not edges.any():
         return edges
-    quarters, rest_deg = divmod(turned_deg, 90.0)
+    quarters, beyond_deg = divmod(turned_deg, 90.0)
     near, next_ = (np.roll(edges, -int(quarters) - k, axis=0) for k in (0, 1))
-    rest = np.radians(rest_deg)
-    return np.asarray(np.cos(rest) * near + np.sin(rest) * next_, dtype=np.float32)
+    beyond = np.radians(beyond_deg)
+    return np.asarray(np.cos(beyond) * near + np.sin(beyond) * next_, dtype=np.float32)
 
 
 def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None) -> View:

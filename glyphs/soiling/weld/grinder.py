@@ -73,10 +73,10 @@ def _grind_once(
     grip = ramp(sunk, -_GRIP * press_mm, 0.2 * press_mm)
     cut *= grip
     disc = level - sunk - cut * notch[line]
-    took = np.clip((z - disc) * np.float32(1 / 0.003), 0.0, 1.0)
-    new = np.minimum(z, disc) + took * cut * ridge[line]
-    lip = _behind(took, c, s, max(1, round(0.02 * coat.height_mm / pitch))) * (1 - took) * grip
-    return new + 0.7 * lip * np.maximum(disc - new, 0.0), np.maximum(took * grip, lip)
+    removed = np.clip((z - disc) * np.float32(1 / 0.003), 0.0, 1.0)
+    new = np.minimum(z, disc) + removed * cut * ridge[line]
+    lip = _behind(removed, c, s, max(1, round(0.02 * coat.height_mm / pitch))) * (1 - removed) * grip
+    return new + 0.7 * lip * np.maximum(disc - new, 0.0), np.maximum(removed * grip, lip)
 
 
 def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Field:
@@ -103,12 +103,12 @@ def _furrows(
     return deep.astype(np.float32)[grain], 1 - edge, 0.35 * ramp(edge, 0.5, 1.0)
 
 
-def _behind(took: Field, c: np.float32, s: np.float32, steps: int) -> Field:
-    lip = np.zeros_like(took)
-    rows, cols = took.shape
+def _behind(removed: Field, c: np.float32, s: np.float32, steps: int) -> Field:
+    lip = np.zeros_like(removed)
+    rows, cols = removed.shape
     for k in range(1, steps + 1):
         dx, dy = round(float(c) * k), round(float(s) * k)
         to = (slice(max(dy, 0), rows + min(dy, 0)), slice(max(dx, 0), cols + min(dx, 0)))
         of = (slice(max(-dy, 0), rows + min(-dy, 0)), slice(max(-dx, 0), cols + min(-dx, 0)))
-        lip[to] += took[of]
+        lip[to] += removed[of]
     return lip / np.float32(steps)
