@@ -65,7 +65,9 @@ class Search:
         """Propose lines turned by about these angles, clockwise as seen, most promising first."""
         height_mm = self.request.height_mm
         by_turn = (find_lines(self.view, height_mm=height_mm, turned_deg=deg) for deg in turns_deg)
-        return [candidate.line for candidate in sorted(chain(*by_turn), key=lambda candidate: -candidate.score)]
+        return [
+            candidate.line for candidate in sorted(chain(*by_turn), key=lambda candidate: -candidate.score)
+        ]
 
     def heights_mm(self) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
