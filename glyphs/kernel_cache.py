@@ -69,10 +69,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
 
 def cache_of(function: Callable[..., Any]) -> Any:
-    """Create the cache of a function's kernels: in NUMBA_CACHE_DIR, beside its module, or in the user's cache folder.
-
-    If none of them is writable, there is no cache.
-    """
+    """Create the cache of a function's kernels in NUMBA_CACHE_DIR, beside its module, in the user's folder, or none."""
     try:
         return KernelCache(function)
     except (RuntimeError, OSError):  # numba found no folder

@@ -59,10 +59,7 @@ def require_not_negative(error: Callable[..., MarksError], **numbers: float | No
 
 
 class Validated:
-    """Base of dataclasses whose numbers are checked against the ranges in their annotations.
-
-    A class names the error that is raised: `class Camera(Validated, error=MapError)`.
-    """
+    """Base of dataclasses that check numbers by their annotations: `class Camera(Validated, error=MapError)`."""
 
     _error: ClassVar[type[MarksError]] = MarksError
 

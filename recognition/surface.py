@@ -93,10 +93,7 @@ def _feel_in_either_order(touch: TactileReader, surface: Surface) -> SenseEviden
 
 
 def _feel(touch: TactileReader, surface: Surface) -> SenseEvidence:
-    """Feel a surface at one height of characters after the other until its serial is sure.
-
-    By the whole plan; or on a stage pass by pass, as long as the budget lasts, with the whiskers for that height.
-    """
+    """Feel a surface, whole or pass by pass, at one height of characters after the other until its serial is sure."""
     times, array = StepTimes(), touch.settings.array
     with times.step("mount"):
         squared, soil = square_to_plate(surface.height_map, surface.soil)

@@ -105,10 +105,7 @@ def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
 
 
 def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
-    """Visible share of the lamp at every sample, 0..1: ridges towards the lamp hide it.
-
-    It compares the lamp's elevation with that of the horizon below it, by the nearest sample.
-    """
+    """Visible share of the lamp at every sample, 0..1, by the horizon below it: ridges towards the lamp hide it."""
     lx, ly, _ = light.towards
     across = math.hypot(lx, ly)
     elevation = math.radians(light.elevation_deg)

@@ -77,11 +77,7 @@ class SoiledPart(OneLine):
 
 
 def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) -> SoiledPart:
-    """Soil a part.
-
-    Every soil has its own random stream, named after it, so rust stays in place when paint is added over it.
-    Raises MapError for dropouts, StampError if a user's own soil fails.
-    """
+    """Soil a part; every soil has its own random stream, named after it. Raises MapError, StampError."""
     seed = rng.bit_generator.seed_seq
     assert isinstance(seed, np.random.SeedSequence)
     before = seed.n_children_spawned

@@ -73,10 +73,7 @@ class DecisionSettings(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Notes, seconds and faults of a sense, beside what it read.
-
-    `other_texts` are those of other looks that were more likely right than wrong; the surest look was chosen.
-    """
+    """Notes, seconds and faults of a sense; `other_texts` of other looks were more likely right than wrong."""
 
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()

@@ -182,7 +182,6 @@ def _fit_size(
 
 
 def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap_pull: float = 2.0) -> Floats:
-    """(n, 2) reach of each character's cell to its left and right, mm: to the least ink between two."""
     u = ACROSS * line.height_mm
     apart, gaps = np.diff(places[:, 0]), []
     for between, wide in zip(0.5 * (places[:-1] + places[1:]), apart, strict=True):

@@ -61,10 +61,7 @@ def felt_heights_mm(
     most: int = 2,
     first_lines: int = 26,
 ) -> list[float]:
-    """Character heights, mm, found by a first pass, most promising first; a known height needs no pass.
-
-    Characters half as high as `FIRST_HEIGHT_MM` still have thirteen lines. Raises MapError, NothingFeltError.
-    """
+    """Character heights, mm, by a first pass, most promising first. Raises MapError, NothingFeltError."""
     if request.height_mm:
         return [request.height_mm]
     if max(surface.size_mm) < LEAST_HEIGHT_MM:

@@ -148,7 +148,6 @@ def _two_lines(
 def _laid_side_by_side(
     view: View, line: TextLine, lengths: Sequence[int], *, usual_gap: float = 0.35
 ) -> Iterator[tuple[View, list[TextLine]]]:
-    """Cut a line that runs up or down between its characters, or evenly, and lay them side by side from the top."""
     if not 60.0 <= abs(line.turned_deg) <= 120.0:
         return
     ends = lengthen(line, 0.5, 0.5).centre_mm

@@ -96,10 +96,7 @@ class FaceBelief:
 
 
 def believe_faces(line: LineExperts, weights: ExpertWeights) -> FaceBelief:
-    """Infer the face of a line from all of its places, and each character from the faces.
-
-    A character that no face has keeps what the recogniser gives it.
-    """
+    """Infer the face of a line from all places, and each character from the faces, or else from the recogniser."""
     prior = log_softmax(line.network, axis=-1)
     lacks = np.isfinite(prior) & np.isnan(line.cosines).all(axis=-3)
     nothing = np.where(np.isfinite(prior) & ~lacks, weights.no_face, np.nan)[..., None, :, :]

@@ -111,10 +111,7 @@ def _fits(values: Floats) -> Floats:
 def _under_best_light(
     places: Sequence[PlaceWindows], faces: Prototypes, lattice: Lattice, *, moved: bool = True
 ) -> Floats:
-    """(F, places, C) cosines of faces as in `FaceCosines`, under the light that fits each view best.
-
-    Each place is compared in the view that shows it best: a glare hides it in another.
-    """
+    """(F, places, C) cosines of faces (`FaceCosines`), each place in the view and light that show it best."""
     allowed = np.isfinite(lattice.log_belief)
     shared = [k for k, char in enumerate(faces.chars) if char in lattice.chars]
     to = [lattice.chars.index(faces.chars[k]) for k in shared]

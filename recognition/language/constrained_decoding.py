@@ -76,10 +76,7 @@ class Choice:
 def choose(
     lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = 2_000
 ) -> Choice:
-    """Find the best strings that the grammar allows, with their probabilities; the latest results are kept.
-
-    An opaque check digit is tested on `most_tests` strings (see `Choice.exhausted`). Raises ValueError.
-    """
+    """Find the best strings that the grammar allows (cached), and their probabilities. Raises ValueError."""
     if k < 1 or most_tests < 1:
         raise ValueError(f"k is {k} and most_tests is {most_tests}; both must be at least 1")
     return _choose(lattice, grammar, k, most_tests)

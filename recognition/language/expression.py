@@ -94,10 +94,7 @@ class ExpressionMachine:
 
 @lru_cache(maxsize=64)
 def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachine:
-    """Compile an expression that must match the whole text; `^` in front and `$` at the end change nothing.
-
-    Raises FormatError: no regular expression, one with look-ahead, references or options, or too large a machine.
-    """
+    """Compile an expression that must match the whole text to a machine over given characters. Raises FormatError."""
     net = _Net(pattern, frozenset(chars))
     # characters that all parts treat alike share their transitions
     kinds = list(dict.fromkeys(kind for kind, _ in net.eats.values()))

@@ -117,10 +117,7 @@ def _add_lumps(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
 
 
 def edges_of(pile: Tensor, *, preload: float = 0.2) -> Tensor:
-    """(n, 4, rows, columns) edges that a tip would feel on (n, 1, rows, columns) heights, character heights.
-
-    A lift as large as `preload`, that of the default touch, doubles the moment.
-    """
+    """(n, 4, rows, columns) edges that a tip would feel on heights; a lift of `preload` doubles the moment."""
     dx = f.pad(pile[..., 2:] - pile[..., :-2], (1, 1)) * HEIGHT_ROWS / 2
     dy = f.pad(pile[:, :, 2:] - pile[:, :, :-2], (0, 0, 1, 1)) * HEIGHT_ROWS / 2
     lift = pile / preload

@@ -80,10 +80,7 @@ def is_learnable(path: Path) -> bool:
 
 
 def find_fonts(folders: Iterable[Path], *, held_out_share: float = 0.1) -> TrainingFonts:
-    """Find all fonts in folders that have A-Z and 0-9 and may be used for training. Raises MarksError without any.
-
-    A share of the families is never trained on, so that accuracy is measured on unseen fonts.
-    """
+    """Find all fonts in folders for training, a share of the families held out. Raises MarksError without any."""
     by_family: dict[str, list[Path]] = {}
     names: set[str] = set()
     files = {f for folder in folders for kind in ("ttf", "otf", "woff") for f in folder.rglob(f"*.{kind}")}

@@ -215,7 +215,6 @@ def _plane(
     most_samples: int = 400,
     least_samples: int = 30,
 ) -> tuple[Floats, float] | None:
-    """Level and slopes (per sample, along rows and columns) of the land about a character, and its scatter."""
     reach = reach_heights * height
     low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
     high = np.maximum(np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1, 0)
@@ -231,10 +230,7 @@ def _plane(
 
 
 def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:
-    """(3,) level and slopes of samples at (row, col), with Tukey's weights, which ignore outliers.
-
-    If all samples lie on one line, the slopes are the smallest that fit.
-    """
+    """(3,) level and slopes at (row, col), by Tukey's weights; the smallest slopes if all lie on one line."""
     design = np.column_stack([np.ones(level.size), row, col])
     terms = np.array([np.median(level), 0.0, 0.0])
     for _ in range(rounds):

@@ -161,10 +161,7 @@ def strokes_of(
     filled_of_missing: float = 0.8,
     most_filled: float = 0.7,
 ) -> tuple[PlaceStrokes, ...]:
-    """Compute the felt strokes of a text's characters and their rivals; empty if text and lattice differ.
-
-    A piece of a stroke is `filled`, with a probability that rises with the missing share of the line's strokes.
-    """
+    """Compute the felt strokes of a text's characters and their rivals; empty if text and lattice differ."""
     felt, font = laid.felt, laid.font
     if lattice.n_places != len(laid.text):
         return ()

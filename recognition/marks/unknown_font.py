@@ -95,11 +95,7 @@ def strokes_fit(
     deeper: float = 0.15,
     most_sd_mm: float = 0.06,
 ) -> bool:
-    """Whether a character's depth can be trusted although its font is not known: the strokes laid on it are its own.
-
-    A stroke beside a groove, and one that is filled, makes the depth uneven. So does a blow that leans: it is left
-    out as well.
-    """
+    """Whether the strokes laid on a character are its own: then its depth is even, unless a blow leans."""
     low, high = (1.0 - shallower) * depth.mean_mm, (1.0 + deeper) * depth.mean_mm
     even = low <= depth.min_mm and depth.max_mm <= high
     return fit >= least_fit and even and depth.sd_mm is not None and depth.sd_mm <= most_sd_mm

@@ -117,11 +117,7 @@ def square_to_plate(
 
 
 def _plate_slope(height_map: HeightMap, *, fewest: int = 100, differ: float = 0.3) -> Floats:
-    """(2,) slope of the plate along x and y; 0 if the map is not a plane with marks.
-
-    The median slope is that of the land, because marks rise as often as they fall. On saw teeth and on steps it differs
-    from the mean slope.
-    """
+    """(2,) slope of the plate along x and y, the median one, of the land; 0 if the mean one differs."""
     z = height_map.z_mm
     lag, step = max(1, min(z.shape) // 50), max(1, int(np.sqrt(z.size / 40_000)))
     rises = (z[::step, lag::step] - z[::step, :-lag:step], z[lag::step, ::step] - z[:-lag:step, ::step])

@@ -30,10 +30,7 @@ _STEPS, _LEAST_GAIN = 60, 1e-5
 
 
 def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
-    """One view for each photograph, in the frame of the first, and the numbers of those left out because they differ.
-
-    The view of the slopes under four or more lights comes first, without stains; then the first photograph.
-    """
+    """Views of the slopes, under four or more lights, and of each photograph; numbers of those left out, from 1."""
     first = photo_view(photo)
     if not photo.others:
         return [first], ()

@@ -220,10 +220,7 @@ def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Va
 
 
 def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -> Candidate | None:
-    """Climb repeatedly from a candidate with new curvatures until nothing is gained; None if a constraint is violated.
-
-    The optimum is often a flat ridge (setting angle against tip arm), on which a single climb stops early.
-    """
+    """Climb repeatedly from a candidate, along what is often a flat ridge; None if a constraint is violated."""
     candidate = problem.rate(candidate.whisker, candidate.preload_mm)
     for _ in range(rounds):
         again = climb(problem, problem.encode(candidate))

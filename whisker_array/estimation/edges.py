@@ -34,10 +34,7 @@ UNUSABLE = np.uint8(
 
 
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
-    """Moments (passes, whiskers, samples) with offset and, if known, gain removed, N mm.
-
-    The offset is the median of the pass's own air samples, if any, which also removes slow drift between passes.
-    """
+    """Moments (passes, whiskers, samples), N mm, less the median of their pass's air, without gain if it is known."""
     raw, offset = _signal(scan, sweep)
     return raw.astype(np.float64) - offset[..., None]
 

@@ -56,10 +56,7 @@ def averaging_weights(
 def average_onto(
     values: NDArray[np.float64], along: Any, across: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Average (lines, samples) onto (pixels across, pixels along), with `averaging_weights` both ways.
-
-    Values that are not finite are left out. A pixel with half of its weight or less known is invalid and 0.
-    """
+    """Average (lines, samples) onto (pixels across, pixels along); pixels of half the weight or less are invalid, 0."""
     known = np.isfinite(values)
     total = across @ (along @ np.where(known, values, 0.0).T).T
     weight = across @ (along @ known.T.astype(np.float64)).T

@@ -68,7 +68,7 @@ def registration_mm(
 
 
 def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
-    """Find the play, pixels, that agrees best with eq. (16): by it the forward map must move up; 0 if unclear."""
+    """Find the play, pixels, that agrees best with eq. (16), positive if the forward map must move on; 0 if unclear."""
     strength = (ahead**2).sum(axis=1) + (behind**2).sum(axis=1)
     lines = np.argsort(-strength)[:MOST_LINES]
     ahead, behind = ahead[lines], behind[lines]

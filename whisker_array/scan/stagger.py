@@ -30,10 +30,7 @@ def to_instants(
 
 
 def to_places(by_time: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.intp]) -> NDArray[Any]:
-    """Convert samples by time to samples by position, over the stretch that all rows cover.
-
-    A row with a fractional delay is interpolated linearly; flags of both neighbours are combined.
-    """
+    """Convert samples by time to samples by position, over the stretch that all rows cover; flags are combined."""
     late = np.floor(behind).astype(np.intp)
     part = np.asarray(behind, dtype=np.float64) - late
     n = by_time.shape[2] - int(np.ceil(behind).max(initial=0))

@@ -45,10 +45,7 @@ class TouchSurface(OneLine):
 
 
 def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Fill NaN from the nearest measured neighbours; returns the filled heights and where they were filled.
-
-    Holes get the nearest value, and then a few local averages inside, so that there is no step at their rim.
-    """
+    """Fill NaN smoothly from the nearest measured neighbours; returns the heights and where they were filled."""
     dropout = np.isnan(z_mm)
     if not dropout.any():
         return z_mm, dropout
@@ -128,10 +125,7 @@ def fields_of(
 
 
 def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
-    """Return the surface in the *trace frame* of a direction, in which columns run the way the whisker is dragged.
-
-    Rows are the lateral coordinate, in plate order. So a kernel written for +x serves all directions.
-    """
+    """Return the surface in the *trace frame* of a direction: columns run as the whisker is dragged, rows as before."""
     dropout = surface.dropout if direction.along_x else surface.dropout.T
     dropout = dropout[:, ::-1] if direction.backward else dropout
     return replace(

@@ -10,10 +10,7 @@ import numba
 
 
 def in_threads(work: Callable[[int, int], None], rows: int) -> None:
-    """Call work(first, last) for ranges that cover all rows, one for each thread that numba may use.
-
-    The work must release the GIL, as kernels do, and rows must be independent.
-    """
+    """Call work(first, last), which releases the GIL, for ranges that cover all rows, one for each numba thread."""
     count = max(min(numba.get_num_threads(), rows), 1)
     if count == 1:
         work(0, rows)

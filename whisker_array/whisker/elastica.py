@@ -255,9 +255,6 @@ def _relative_moment(moment_n_mm: float, exact: LargeDeflection) -> float:
 
 
 def enhancement_exact(whisker: Whisker, *, preload_mm: float, alpha_rad: float, mu: float) -> float:
-    """F of (15) and (16) with both states exact: moment on the slope over that on the land, same tip height.
-
-    Unlike (16) it depends on the preload; it tends to (16) as the preload vanishes.
-    """
+    """F of (15) and (16) with both states exact, at one tip height; it tends to (16) as the preload vanishes."""
     slope = large_deflection(whisker, lift_mm=preload_mm, mu=mu, alpha_rad=alpha_rad)
     return _relative_moment(slope.moment_n_mm, large_deflection(whisker, lift_mm=preload_mm, mu=mu))

@@ -164,10 +164,7 @@ def _cracks(
     shrinkage: float = 0.08,
     curled: float = 0.25,
 ) -> tuple[Field, Field]:
-    """Desiccation cracks: how open each sample is (0 to 1), and how far the edge of its plate curls up (0 to 1).
-
-    A plate wider than `spacing` thicknesses cracks in two.
-    """
+    """Cracks in plates wider than `spacing` thicknesses: how open a sample is, how far its edge curls up (0 to 1)."""
     h = grid.height_mm
     rows, cols = grid.shape
     # bent, so that cracks are not straight

@@ -72,10 +72,7 @@ def workshop(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def lay_mixture(coat: Coat, dirt: Dirt, *, rng: np.random.Generator) -> Coat:
-    """Lay a mixture on a surface.
-
-    Every kind has its own random stream: more grime leaves the scratches in place and enlarges its own patches.
-    """
+    """Lay a mixture on a surface; every kind has its own random stream, so that more of one moves no other."""
     for (name, layer), stream in zip(_LAYERS, rng.spawn(len(_LAYERS)), strict=True):
         amount = min(1.0, getattr(dirt, name) * stream.uniform(_LEAST, _MOST))
         if amount > 0.0:
