@@ -278,3 +278,43 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
     benchmark.extra_info["ratio"] = round(quickest[1] / quickest[2], 3)
     print(benchmark.extra_info)
     assert quickest[1] / quickest[2] >= TWO_PROCESSES
+
+
+# --- parts of an exam: 8 characters of 5 mm, severity 0.6, memory kept as the exam's workers keep it
+
+PART_S = 0.250
+ROUNDS = 9
+
+
+SLOWER = {
+    "rust": "contact with what yields takes twice the time of bare contact",
+    "mud": "contact with what yields takes twice the time of bare contact",
+    "workshop": "its seven kinds draw some twenty random fields, and contact with what yields takes twice the time",
+}
+"""Soils for which the target is not reached yet on a machine that is busy, and why."""
+
+
+@pytest.mark.parametrize(
+    "soil",
+    [
+        "paint",
+        "wear",
+        "weld",
+        *(pytest.param(s, marks=pytest.mark.xfail(reason=why, strict=False)) for s, why in SLOWER.items()),
+    ],
+)
+def test_making_and_feeling_a_part_on_one_core(benchmark: BenchmarkFixture, soil: str) -> None:
+    """Stamped, soiled, photographed, and scanned by contact in four directions."""
+    answers: list[dict[str, float]] = []
+    with one_core(f"exam_{soil}") as process:
+
+        def make() -> None:
+            words = (word.partition("=") for word in ask(process).split())
+            answers.append({step: float(seconds) for step, _, seconds in words})
+
+        benchmark.pedantic(make, rounds=ROUNDS, warmup_rounds=2)
+    quickest = min(answers, key=lambda steps: sum(steps.values()))
+    benchmark.extra_info["steps"] = quickest
+    print(soil, quickest, round(sum(quickest.values()), 3))
+    assert set(quickest) == {"make", "photo", "scan"}
+    assert sum(quickest.values()) <= PART_S

@@ -8,8 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from glyphs import Camera, FontError, Light, Soiling, StampingVariation, soil_part, stamp
-from glyphs.fonts.serials import FormatError
+from glyphs import Camera, Light, Soiling, StampingVariation, soil_part, stamp
 from glyphs.stamping.errors import StampError
 
 
@@ -53,11 +52,6 @@ def test_light_and_camera_may_be_given() -> None:
     [
         (StampError, "give the text to stamp, or the format", {"text": None}),
         (StampError, "give the text to stamp, or the format", {"text": "A", "format": "A"}),
-        (StampError, "there is no text to stamp", {"text": ""}),
-        (StampError, "unknown face 'oval'; use one of sharp, flat, round, dotted", {"face": "oval"}),
-        (FormatError, "is empty", {"text": None, "format": ""}),
-        (FontError, "unknown font 'comic'", {"fonts": "comic"}),
-        (FontError, "has no character 'é'", {"text": "é"}),
         (StampError, "severity is 2", {"dirt": 2}),
         (StampError, "seed is -1", {"seed": -1}),
         (

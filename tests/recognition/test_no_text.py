@@ -29,7 +29,7 @@ from whisker_array.scan.scan import Scan
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 HEIGHT_MM = 5.0
 PITCH_MM = HEIGHT_MM / 60
-SHAPE = (160, 480)
+SHAPE = (120, 360)
 Readers = Callable[..., Reader]
 
 
@@ -66,7 +66,7 @@ def test_a_dirty_plate_without_a_mark_has_no_text(
 def pictures() -> dict[str, NDArray[np.float64]]:
     """Brightness, 0 to 1, of what is no text."""
     rng = np.random.default_rng(1)
-    y, x = np.mgrid[:160, :480].astype(np.float64)
+    y, x = np.mgrid[:120, :360].astype(np.float64)
     noise = rng.random(x.shape)
     sky = y < 80.0 + 30.0 * np.sin(x / 70.0) + 12.0 * np.sin(x / 19.0)
     return {

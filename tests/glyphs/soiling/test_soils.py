@@ -51,8 +51,10 @@ def test_nothing_of_it_changes_nothing(soil: str) -> None:
 
 
 @every_soil
-@pytest.mark.parametrize("amount", [0.1, 0.5, 1.0])
-@pytest.mark.parametrize(("raised", "height_mm"), [(False, 5.0), (True, 5.0), (False, 2.0), (False, 12.0)])
+@pytest.mark.parametrize(
+    ("amount", "raised", "height_mm"),
+    [(0.1, False, 5.0), (1.0, False, 5.0), (0.5, True, 5.0), (1.0, False, 2.0), (0.5, False, 12.0)],
+)
 def test_what_comes_out_is_a_surface(soil: str, amount: float, raised: bool, height_mm: float) -> None:
     clean, soiled = _coat(raised=raised, height_mm=height_mm), _soiled(soil, amount, 1, raised, height_mm)
     for name in ARRAYS:

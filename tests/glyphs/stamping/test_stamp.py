@@ -14,7 +14,6 @@ from glyphs.stamping.faces import Face, default_die
 from glyphs.stamping.plate import plate_texture
 from glyphs.stamping.stamp import stamp_line
 from glyphs.stamping.variation import PlateVariation, StampingVariation
-from glyphs.surface.maps import MapError
 
 GOTHIC = load_font("gothic")
 DIE = default_die(5.0, font=GOTHIC)
@@ -151,10 +150,6 @@ def test_roughness_has_the_ra_and_correlation_length_asked_for():
     [
         ({"text": ""}, StampError, "no text"),
         ({"text": "AéB"}, FontError, "no character 'é'"),
-        ({"height_mm": -1.0}, StampError, "height_mm"),
-        ({"pitch_mm": 0.0}, StampError, "pitch_mm"),
-        ({"pitch_mm": 1e-4}, MapError, "coarser"),
-        ({"margin_mm": -1.0}, StampError, "margin_mm"),
     ],
 )
 def test_stamp_refuses(options, error, message):

@@ -260,8 +260,14 @@ def kinds(faults: tuple[Fault, ...]) -> set[tuple[FaultKind, int | None]]:
     return {(f.kind, f.whisker) for f in faults}
 
 
-@pytest.mark.parametrize("bench", BENCHES, ids=str)
-@pytest.mark.parametrize(("change", "expected"), [pytest.param(w[1], w[2], id=w[0]) for w in WIRINGS])
+@pytest.mark.parametrize(
+    ("bench", "change", "expected"),
+    [
+        pytest.param(BENCHES[(k + shift) % len(BENCHES)], change, expected, id=f"{name}-{shift}")
+        for k, (name, change, expected) in enumerate(WIRINGS)
+        for shift in (0, 2)
+    ],
+)
 def test_each_wiring_is_named_and_the_stage_is_left_alone(
     bench: tuple[Any, ...], change: Callable[[Scan], Scan], expected: set[tuple[FaultKind, int | None]]
 ) -> None:
