@@ -33,20 +33,14 @@ _H = ROWS_PER_HEIGHT
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sketch(OneLine):
-    """A sketched line.
-
-    Attributes:
-        boxes: (x0, y0, x1, y1) around the ink of each character, pixels; a space has its empty cell.
-        surface: (ROWS, columns) heights, character heights.
-        ink: (ROWS, columns) 0 on the land to 1 in the marks.
-        soil: (ROWS, columns) thickness of the dirt on it, character heights.
-    """
+    """A sketched line."""
 
     text: str
+    # (x0, y0, x1, y1) around the ink of each character, pixels; a space has its empty cell
     boxes: tuple[Box, ...]
-    surface: Field
-    ink: Field
-    soil: Field
+    surface: Field  # (ROWS, columns) heights, character heights
+    ink: Field  # (ROWS, columns) 0 on the land to 1 in the marks
+    soil: Field  # (ROWS, columns) thickness of the dirt on it, character heights
     severity: float
 
 

@@ -37,20 +37,17 @@ field is the region, if given."""
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The surface of a part, and how it is felt.
-
-    Attributes:
-        rows_known: whether the order of its rows is known. If not, a serial that reads differently mirrored goes to
-            review, and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
-        feel: function that scans the surface (default: the virtual array of the reader by the default plan).
-        stage: opens a stage on which the part is felt pass by pass instead; it goes with `budget_s`.
-    """
+    """The surface of a part, and how it is felt."""
 
     height_map: HeightMap
     soil: Soil | None = None
+    # whether the order of its rows is known. If not, a serial that reads differently mirrored goes to review,
+    # and an uncertain part is also read mirrored, unless the mirrored line is far less likely.
     rows_known: bool = True
     part_id: str = ""
+    # function that scans the surface (default: the virtual array of the reader by the default plan)
     feel: Feel | None = None
+    # opens a stage on which the part is felt pass by pass instead; it goes with `budget_s`
     stage: OpenStage | None = None
     budget_s: float = 0.0
     region_mm: Region | None = None

@@ -123,22 +123,19 @@ def default_die(
 
 
 def relief_mm(
-    signed_distance_mm: ArrayLike,
+    signed_distance_mm: ArrayLike,  # any shape, mm, negative inside the ink
     die: Die,
     *,
+    # half the stroke, if the ink is a stroke; the root of a V is then rounded, which makes it shallower by
+    # root_radius (1/cos bevel - 1). None for outlines: a V runs to the medial axis.
     half_width_mm: float | None = None,
+    # depth of the blow beyond the nominal depth (negative: less), mm, broadcast against the distance. A
+    # deeper blow widens the groove along its walls; where the depth vanishes there is no mark.
     extra_depth_mm: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
     """Height of the profile over the land at a signed distance from the ink.
 
     Returns float32, mm, of the same shape: 0 on the land, never below -depth, a burr above 0 outside.
-
-    Args:
-        signed_distance_mm: any shape, mm, negative inside the ink.
-        half_width_mm: half the stroke, if the ink is a stroke; the root of a V is then rounded, which makes it
-            shallower by root_radius (1/cos bevel - 1). None for outlines: a V runs to the medial axis.
-        extra_depth_mm: depth of the blow beyond the nominal depth (negative: less), mm, broadcast against the
-            distance. A deeper blow widens the groove along its walls; where the depth vanishes there is no mark.
     """
     sd = np.asarray(signed_distance_mm, dtype=np.float32)
     bevel = math.radians(die.bevel_deg)

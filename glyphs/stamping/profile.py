@@ -29,18 +29,14 @@ def sunk_depth(
     inside: NDArray[np.float32],
     *,
     depth: Number,
+    # half the width of the groove if known: a V then has its root fillet at the middle, where the walls meet.
+    # None: the walls continue until they meet.
     half_width: Number | None,
     bevel_rad: float,
     root_radius: Number,
-    edge_radius: float,
+    edge_radius: float,  # fillet of wall and land, mm; covers at most 0.3 of the wall
 ) -> NDArray[np.float32]:
-    """Depth below the land, mm, as a function of the distance inside the groove's edge.
-
-    Args:
-        half_width: half the width of the groove if known: a V then has its root fillet at the middle, where the
-            walls meet. None: the walls continue until they meet.
-        edge_radius: fillet of wall and land, mm; covers at most 0.3 of the wall.
-    """
+    """Depth below the land, mm, as a function of the distance inside the groove's edge."""
     slope, sine, cosine, tan_half = (
         math.tan(bevel_rad), math.sin(bevel_rad), math.cos(bevel_rad), math.tan(bevel_rad / 2)
     )  # fmt: skip

@@ -37,20 +37,17 @@ class PieceKind(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Piece(OneLine, Validated, error=MapError):
-    """A test piece, in millimetres and degrees.
-
-    Attributes:
-        angle_deg: angles of the walls, each with its own pit or groove; a step has the first one.
-        width_mm: width of the plate along y, for grooves and steps; otherwise it follows from the relief.
-    """
+    """A test piece, in millimetres and degrees."""
 
     # pieces are read from files, where unknown keys are errors
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     kind: PieceKind = PieceKind.PITS
+    # angles of the walls, each with its own pit or groove; a step has the first one
     angle_deg: tuple[float, ...] = (30.0, 45.0, 60.0)
     depth_mm: Length = 0.3
     floor_mm: Length = 1.5
+    # width of the plate along y, for grooves and steps; otherwise it follows from the relief
     width_mm: Length = 12.0
     radius_mm: Length = 3.0
     land_mm: Length = 2.0

@@ -38,14 +38,11 @@ RIM_HEIGHTS = 0.5
 
 
 class Way(StrEnum):
-    """Directions of a step.
-
-    Attributes:
-        shift: shift of its lines, in sixteenths of a character height: lines on the way back lie half way between the
-            first eight.
-    """
+    """Directions of a step."""
 
     direction: TraceDirection
+    # shift of its lines, in sixteenths of a character height: lines on the way back lie half way between the
+    # first eight
     shift: float
     purpose: str
 

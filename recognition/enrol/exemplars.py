@@ -49,20 +49,16 @@ class ExemplarError(MarksError):
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """One felt character.
-
-    Attributes:
-        relief: (rows, cols) float32 height over the land in character heights; marks are negative, whether sunk or
-            raised; NaN where unknown or where a neighbour stands.
-        score: geometric mean posterior per character.
-    """
+    """One felt character."""
 
     char: str
+    # (rows, cols) float32 height over the land in character heights; marks are negative, whether sunk or
+    # raised; NaN where unknown or where a neighbour stands
     relief: NDArray[np.float32]
     height_mm: float
     rotation_deg: float
     raised: bool
-    score: float
+    score: float  # geometric mean posterior per character
     place: int
 
 

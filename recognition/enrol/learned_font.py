@@ -50,22 +50,17 @@ Patch = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """A known font with changes that a die may have.
-
-    Attributes:
-        soften: standard deviation of the Gaussian that rounds it, character heights.
-        likeness: median correlation with the characters that were felt: some of them are broken or badly struck;
-            one that the font lacks counts as 0.
-        gain: factor of its relief, so that softening does not make it shallower than the felt one.
-    """
+    """A known font with changes that a die may have."""
 
     font: Font
     width: float
     grow: float
-    soften: float
+    soften: float  # standard deviation of the Gaussian that rounds it, character heights
     depth: float
+    # median correlation with the characters that were felt: some of them are broken or badly struck; one that
+    # the font lacks counts as 0
     likeness: float
-    gain: float = 1.0
+    gain: float = 1.0  # factor of its relief, so that softening does not make it shallower than the felt one
 
     @property
     def is_own(self) -> bool:

@@ -26,9 +26,11 @@ def on_ink(
     height_known: bool = False,
     rows: int = 52,
     half_place: float = 0.35,
+    # standard deviation of ink down a character, heights: of clean characters of three fonts, at their true
+    # positions
     usual_spread: float = 0.31,
     least_off: float = 0.15,
-    least_change: float = 0.12,
+    least_change: float = 0.12,  # least change of the logarithm of the height; fonts differ by less
     most_size: float = 1.35,
     land_percent: float = 60.0,
     edge_percent: float = 98.0,
@@ -36,11 +38,6 @@ def on_ink(
     least_sag: float = 0.03,
 ) -> tuple[TextLine, ...]:
     """Move, turn and bend a line onto the ink of its places; return it with its old height and with that of its ink.
-
-    Args:
-        usual_spread: standard deviation of ink down a character, heights: of clean characters of three fonts, at
-            their true positions.
-        least_change: least change of the logarithm of the height; fonts differ by less.
 
     Returns no line if no ink is seen or it already lies on the line; one line if the height suits; otherwise two.
     """

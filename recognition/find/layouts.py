@@ -50,16 +50,13 @@ def other_layout(
     main: ReadLine | None,
     candidates: Sequence[TextLine],
     *,
+    # probability of the serial's text below which a part is doubtful; one in another layout has hardly more
+    # than 0.1
     doubtful: float = 0.4,
+    # number of characters without a format below which they may be a piece of a column
     least_places: int = 4,
 ) -> Layout | None:
-    """Find another layout in which a doubtful part reads well.
-
-    Args:
-        doubtful: probability of the serial's text below which a part is doubtful; one in another layout has hardly
-            more than 0.1.
-        least_places: number of characters without a format below which they may be a piece of a column.
-    """
+    """Find another layout in which a doubtful part reads well."""
     grammar = search.request.grammar
     if main is not None and main.is_text:
         choice = choose(main.lattice, grammar, k=1)

@@ -31,15 +31,12 @@ def stands_in(region: Region | None, line: TextLine, view: View) -> bool:
 def area_of(
     regions: Iterable[Region | None],
     *,
+    # around a region, across and down, as shares of its size, since a line may extend beyond the region that
+    # contains its middle
     margins: tuple[float, float] = (0.5, 1.0),
     most_of_view: float = 0.6,
 ) -> Region | None:
-    """Area with all lines whose middle is in one of these regions; None if it is most of the view.
-
-    Args:
-        margins: around a region, across and down, as shares of its size, since a line may extend beyond the region
-            that contains its middle.
-    """
+    """Area with all lines whose middle is in one of these regions; None if it is most of the view."""
     serial, *others = regions
     if serial is None:
         return None

@@ -27,30 +27,26 @@ class LineFormat:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchLimits:
-    """Limits of a search: its looks, its price, and the promise at which it stops.
-
-    Attributes:
-        plain: share of the greatest promise from which a line is without doubt.
-        sure: share of the greatest promise from which a line is convincing, and no other light is looked at.
-        settled: share of the greatest promise above which a line is not searched for any further.
-        chance_gain: least promise that a line must gain by being read at another width, nats: of two readings the
-            wrong one is often a little more promising by chance.
-        rewidened: ratio of the usual and the fitting width of a strip from which a doubtful line is read at both.
-        narrowest: advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38.
-        least_gain_per_ms: price of processor time: expected gain of a try, right characters for each ms, below which
-            it is left out.
-    """
+    """Limits of a search: its looks, its price, and the promise at which it stops."""
 
     most_lines: int = 6
-    plain: float = 0.9
+    plain: float = 0.9  # share of the greatest promise from which a line is without doubt
+    # share of the greatest promise from which a line is convincing, and no other light is looked at
     sure: float = 0.7
+    # share of the greatest promise above which a line is not searched for any further
     settled: float = 0.9975
+    # least promise that a line must gain by being read at another width, nats: of two readings the wrong one
+    # is often a little more promising by chance
     chance_gain: float = 1.0
+    # ratio of the usual and the fitting width of a strip from which a doubtful line is read at both
     rewidened: float = 1.5
+    # advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38
     narrowest: float = 0.32
     most_looks: int | None = 24
     spared_looks: int = 8
     layout_looks: int = 10
+    # price of processor time: expected gain of a try, right characters for each ms, below which it is left
+    # out
     least_gain_per_ms: float = 0.002
 
 

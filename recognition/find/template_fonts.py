@@ -27,25 +27,21 @@ STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
 
 @dataclass(frozen=True, kw_only=True)
 class MatchingLimits:
-    """Resolution and range of a search by templates.
-
-    Attributes:
-        smallest, largest: character heights, as shares of the view's smaller side.
-        beyond_heights: margin that is read before and after a line, in case it has more characters; character heights.
-        off_heights: a line is read again if a character lies further from its row than this, character heights.
-    """
+    """Resolution and range of a search by templates."""
 
     coarse_pixels: int = 16
     fine_pixels: int = 32
-    smallest: float = 0.13
+    smallest: float = 0.13  # and largest character height, shares of the view's smaller side
     largest: float = 0.95
     size_step: float = 1.1
     first_sizes: int = 3
     most_sizes: int = 9
     most_lines: int = 3
     apart_heights: float = 1.1
+    # margin that is read before and after a line, in case it has more characters; character heights
     beyond_heights: float = 1.0
     most_rereads: int = 3
+    # a line is read again if a character lies further from its row than this, character heights
     off_heights: float = 0.06
 
 

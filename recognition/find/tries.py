@@ -70,23 +70,18 @@ Propose: TypeAlias = Callable[[Searched, Sequence[ReadLine]], Sequence[TextLine]
 
 @dataclass(frozen=True)
 class Try:
-    """A way to look for a line.
-
-    Attributes:
-        propose: lines to look at, from all lines so far, most promising first.
-        felt, seen: characters that become right on a scan and in a photograph, for each of the `BANDS`.
-        nats: least promise by which a refined line must exceed the best one: of two readings the wrong one is often a
-            little more promising by chance, and so is a longer line.
-    """
+    """A way to look for a line."""
 
     name: str
-    propose: Propose
+    propose: Propose  # lines to look at, from all lines so far, most promising first
     _: KW_ONLY
-    felt: Gains
+    felt: Gains  # characters that become right on a scan and in a photograph, for each of the `BANDS`
     seen: Gains
     ms: float = 0.0
     few: int = 2
     refines: bool = False
+    # least promise by which a refined line must exceed the best one: of two readings the wrong one is often a
+    # little more promising by chance, and so is a longer line
     nats: float = 0.0
 
     def gain_per_ms(self, kind: ViewKind, share: float, *, times: int) -> float:

@@ -82,20 +82,16 @@ def _lines_of(
 
 
 def _text_like(
-    picture: Floats,
+    picture: Floats,  # (rows, columns) brightness, 12 pixels for each character height
     *,
     cell: int = 4,
     strongest: float = 0.4,
+    # ratio of the edges of a place and those above and below from which it counts no more: a single edge is
+    # not a row
     most_denser: float = 2.5,
     least_denser: float = 1.2,
 ) -> Corners:
-    """Row and column of the middles of rows of upright edges, the densest first.
-
-    Args:
-        picture: (rows, columns) brightness, 12 pixels for each character height.
-        most_denser: ratio of the edges of a place and those above and below from which it counts no more: a single edge
-            is not a row.
-    """
+    """Row and column of the middles of rows of upright edges, the densest first."""
     from glyphs.opencv import cv2
 
     rows, columns = (max(n // cell, 1) for n in picture.shape)

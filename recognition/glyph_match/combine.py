@@ -31,29 +31,22 @@ NO_FACE = ""
 
 @dataclass(frozen=True)
 class ExpertWeights:
-    """Weights of one sense.
+    """Weights of one sense."""
 
-    Attributes:
-        sharpness: log likelihood of a character per unit of cosine.
-        together: share of the places' log likelihoods that counts for the face: neighbours err alike.
-        covered: probability that a place shows nothing although the face fits.
-        named: log odds of a named font to a face of the library, before anything is seen.
-        network, network_fit: weight of the recogniser, and its rise per unit of fit (`FaceBelief.fit`); the same of
-            faces, and of depths, times the probability of the font along which they were compared.
-        filled: probability that depths say nothing: a stroke that dirt fills is one event, however many samples it has.
-    """
-
-    sharpness: float
-    together: float
+    sharpness: float  # log likelihood of a character per unit of cosine
+    together: float  # share of the places' log likelihoods that counts for the face: neighbours err alike
     no_face: float
-    covered: float
-    named: float
+    covered: float  # probability that a place shows nothing although the face fits
+    named: float  # log odds of a named font to a face of the library, before anything is seen
+    # weight of the recogniser, and its rise per unit of fit (`FaceBelief.fit`); the same of faces, and of
+    # depths, times the probability of the font along which they were compared
     network: float
     network_fit: float
     faces: float
     faces_fit: float
     depths: float
     depths_fit: float
+    # probability that depths say nothing: a stroke that dirt fills is one event, however many samples it has
     filled: float
 
 
@@ -65,34 +58,26 @@ def fitted_weights(sense: str) -> ExpertWeights:
 
 @dataclass(frozen=True, eq=False)
 class LineExperts:
-    """What the experts say of a line; leading axes, of several lines, are allowed everywhere.
+    """What the experts say of a line; leading axes, of several lines, are allowed everywhere."""
 
-    Attributes:
-        network: (..., places, C) log posteriors of the recogniser; -inf of a character that is not allowed.
-        cosines: (..., F, places, C) cosines of faces (`FaceCosines`).
-        depths: (..., places, C) log likelihoods of the depths; NaN where a character was not compared.
-    """
-
+    # (..., places, C) log posteriors of the recogniser; -inf of a character that is not allowed
     network: Floats
-    cosines: Floats
+    cosines: Floats  # (..., F, places, C) cosines of faces (`FaceCosines`)
     named: NDArray[np.bool_]
+    # (..., places, C) log likelihoods of the depths; NaN where a character was not compared
     depths: Floats | None = None
     depth_face: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class FaceBelief:
-    """What the faces say of a line.
-
-    Attributes:
-        log: (..., places, C) log posteriors by the faces alone; the probabilities of a place sum to that of a face
-            showing there.
-        fit: (...,) by how much the faces' fits exceed that of no face, the mean by probability.
-    """
+    """What the faces say of a line."""
 
     faces: Floats
+    # (..., places, C) log posteriors by the faces alone; the probabilities of a place sum to that of a face
+    # showing there
     log: Floats
-    fit: Floats
+    fit: Floats  # (...,) by how much the faces' fits exceed that of no face, the mean by probability
 
 
 def believe_faces(line: LineExperts, weights: ExpertWeights) -> FaceBelief:

@@ -34,15 +34,12 @@ from recognition.recogniser.recogniser import Features
 
 @dataclass(frozen=True, eq=False)
 class FaceCosines:
-    """Cosines of the faces that are nearest to a line's.
-
-    Attributes:
-        values: (F, places, C) greatest cosine of each character of the line's lattice; NaN of one that the face lacks
-            or the format forbids.
-    """
+    """Cosines of the faces that are nearest to a line's."""
 
     names: tuple[str, ...]
     named: int
+    # (F, places, C) greatest cosine of each character of the line's lattice; NaN of one that the face lacks
+    # or the format forbids
     values: Floats
 
     def experts(self, network: Lattice) -> LineExperts:

@@ -54,18 +54,14 @@ _BEYOND = 2 * PIXELS
 
 @dataclass(frozen=True, eq=False)
 class DepthStrip:
-    """The depths felt along a line, PIXELS per character height.
+    """The depths felt along a line, PIXELS per character height."""
 
-    Attributes:
-        depth: (rows, columns) depth below the surrounding land, in units of noise; the middle one of the odd number of
-            rows is that of the line.
-        noise: unit of the depths, character heights.
-    """
-
+    # (rows, columns) depth below the surrounding land, in units of noise; the middle one of the odd number of
+    # rows is that of the line
     depth: Floats
     known: NDArray[np.bool_]
     usual: float
-    noise: float
+    noise: float  # unit of the depths, character heights
     columns: Floats
 
     @cached_property

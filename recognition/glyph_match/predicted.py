@@ -55,18 +55,12 @@ one from the disk takes 10 ms, predicting it 0.5 s."""
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """All parameters on which a template set depends, independent of scale.
-
-    Attributes:
-        compliance: D11 divided by its yy element, row by row.
-        arm: third row of T1 divided by its length.
-        preload, tip_radius: both divided by the character height.
-    """
+    """All parameters on which a template set depends, independent of scale."""
 
     raised: bool
-    compliance: tuple[float, ...]
-    arm: tuple[float, ...]
-    preload: float
+    compliance: tuple[float, ...]  # D11 divided by its yy element, row by row
+    arm: tuple[float, ...]  # third row of T1 divided by its length
+    preload: float  # over the character height, as is the radius of the tip
     tip_radius: float
     friction: float
     die: Die
@@ -113,16 +107,13 @@ def round_to_ladder(value: float, step: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TemplateSet:
-    """Felt templates of a font's characters, side by side on a plate.
-
-    Attributes:
-        patches: (T, directions, rows, cols) float32 edges, PIXELS per character height, with the glyph's reference
-            point in the middle pixel; rows and cols odd.
-    """
+    """Felt templates of a font's characters, side by side on a plate."""
 
     chars: tuple[str, ...]
     view: View
     middles_mm: NDArray[np.float64]
+    # (T, directions, rows, cols) float32 edges, PIXELS per character height, with the glyph's reference point
+    # in the middle pixel; rows and cols odd
     patches: NDArray[np.float32]
     half_width: NDArray[np.float64]
     work: dict[object, object] = field(default_factory=dict)

@@ -46,18 +46,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FeatureMap:
-    """Linear map from windows of features to the numbers of prototypes.
+    """Linear map from windows of features to the numbers of prototypes."""
 
-    Attributes:
-        mean, spread: (features * rows,) mean and standard deviation of each feature along predicted plates.
-        of_step: (features * rows, S) components of one step.
-        of_window: (STEPS * S, N) components of a window.
-    """
-
-    mean: Features
+    mean: Features  # (features * rows,) mean and standard deviation of each feature along predicted plates
     spread: Features
-    of_step: Features
-    of_window: Features
+    of_step: Features  # (features * rows, S) components of one step
+    of_window: Features  # (STEPS * S, N) components of a window
 
     def components(self, features: Features) -> tuple[Features, Features]:
         """(steps, S) components of each step of a strip, and (steps,) its squared length."""
@@ -71,17 +65,14 @@ class FeatureMap:
 
 @dataclass(frozen=True, eq=False)
 class Prototypes:
-    """Characters of faces, by one touch or under each of several lights.
-
-    Attributes:
-        numbers: (F, lights, T, N) mapped windows, divided by their length before the map; 0 of a character that the
-            face lacks.
-        half: (F, T) half the width of a character's window, steps; 0 of a character that the face lacks.
-    """
+    """Characters of faces, by one touch or under each of several lights."""
 
     names: tuple[str, ...]
     chars: tuple[str, ...]
+    # (F, lights, T, N) mapped windows, divided by their length before the map; 0 of a character that the face
+    # lacks
     numbers: Features
+    # (F, T) half the width of a character's window, steps; 0 of a character that the face lacks
     half: Features
 
     def of(self, faces: NDArray[np.intp]) -> Prototypes:

@@ -51,14 +51,11 @@ class _Path(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Automaton:
-    """Strings of one length.
-
-    Attributes:
-        steps: one per place, (states before, C) int64: the state after each character, -1 where it is not allowed.
-            The first has one row, or none if no string is allowed. A string may end in any state after the last place.
-    """
+    """Strings of one length."""
 
     chars: tuple[str, ...]
+    # one per place, (states before, C) int64: the state after each character, -1 where it is not allowed. The
+    # first has one row, or none if no string is allowed. A string may end in any state after the last place.
     steps: tuple[Places, ...]
 
     @property

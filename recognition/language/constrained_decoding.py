@@ -46,22 +46,19 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The best text of a lattice under a grammar, and its rivals; one character per place, without blanks.
-
-    Attributes:
-        probability: w / (Z + N), see the module. With an opaque check digit, a lower bound: strings that
-            were not tested count against it.
-        places: (places, C) probability of each character at each place under the grammar: its share of Z, times
-            a_i / (a_i + r_i). The rest of a row to 1 is "no character", or unknown.
-        valid_mass: Z, the lattice's own probability of all allowed strings together (an upper bound with an
-            opaque check digit).
-    """
+    """The best text of a lattice under a grammar, and its rivals; one character per place, without blanks."""
 
     text: str
+    # w / (Z + N), see the module. With an opaque check digit, a lower bound: strings that were not tested
+    # count against it.
     probability: float
     rivals: tuple[Rival, ...]
     chars: tuple[str, ...]
+    # (places, C) probability of each character at each place under the grammar: its share of Z, times a_i /
+    # (a_i + r_i). The rest of a row to 1 is "no character", or unknown.
     places: NDArray[np.float64]
+    # Z, the lattice's own probability of all allowed strings together (an upper bound with an opaque check
+    # digit)
     valid_mass: float
     exhausted: bool = False
 

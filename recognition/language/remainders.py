@@ -34,15 +34,12 @@ Remainders = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Remainder:
-    """A check digit rule as a remainder.
-
-    Attributes:
-        step: function of a character, its place and the number of places; returns (modulus,) the next remainder for
-            each remainder, or None if the character is not allowed there.
-    """
+    """A check digit rule as a remainder."""
 
     alphabet: str
     modulus: int
+    # function of a character, its place and the number of places; returns (modulus,) the next remainder for
+    # each remainder, or None if the character is not allowed there
     step: Callable[[str, int, int], Remainders | None]
     first: int = 0
     good: tuple[int, ...] = (0,)

@@ -45,14 +45,10 @@ def _skeletons() -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class FaceStyle(Validated, error=FontError):
-    """Style of a parametric face; lengths are in cap heights.
+    """Style of a parametric face; lengths are in cap heights."""
 
-    Attributes:
-        corner: share of the half edge beside it that a bent corner takes.
-        power: exponent of the superellipse of a corner: 1 is a chamfer, 2 a circle, above 3 nearly a right angle.
-    """
-
-    corner: Share = 0.8
+    corner: Share = 0.8  # share of the half edge beside it that a bent corner takes
+    # exponent of the superellipse of a corner: 1 is a chamfer, 2 a circle, above 3 nearly a right angle
     power: Annotated[float, Range(0.7, 12.0)] = 2.0
     width: Annotated[float, Range(0.2, 1.5)] = 0.6
     stroke: Annotated[float, Range(0.03, 0.35)] = 0.14

@@ -55,12 +55,9 @@ def draw_window(
     rng: np.random.Generator,
     *,
     window: tuple[int, int] = WINDOW,
-    plain: bool = False,
+    plain: bool = False,  # show the middle of the view at its true scale instead
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
     """Draw a window of a view at a random scale and rotation, with its truth.
-
-    Args:
-        plain: show the middle of the view at its true scale instead.
 
     Returns:
         (2, *window) x and y of its pixels in the view; (2 + FINDINGS, rows, columns) of its cells: whether the finding

@@ -76,7 +76,7 @@ def fit(
     task: Task,
     how: Training,
     *,
-    out: Path,
+    out: Path,  # ONNX file; the torch weights are written beside it, and until the end the state of the run
     log: Path,
     average_steps: int = 8,
     average_share: float = 0.01,
@@ -84,11 +84,7 @@ def fit(
     save_s: float = 300.0,
     measure_s: float = 1500.0,
 ) -> None:
-    """Train on all samples, and write the better of the last weights and their running mean.
-
-    Args:
-        out: ONNX file; the torch weights are written beside it, and until the end the state of the run.
-    """
+    """Train on all samples, and write the better of the last weights and their running mean."""
     network, weights_at, state_at = task.network, out.with_suffix(".pt"), out.with_suffix(".state.pt")
     for path in (out, log):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -20,16 +20,12 @@ from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 
 @dataclass(frozen=True, eq=False)
 class CentreLine:
-    """Points along the middle of a character's strokes.
+    """Points along the middle of a character's strokes."""
 
-    Attributes:
-        points: (n, 2) offsets (u to the right, v down) from the reference point, the middle of the ink's width
-            at half the height; character heights.
-        normals: (n, 2) unit vectors across the stroke.
-    """
-
+    # (n, 2) offsets (u to the right, v down) from the reference point, the middle of the ink's width at half
+    # the height; character heights
     points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    normals: NDArray[np.float64]  # (n, 2) unit vectors across the stroke
     half_width: float
 
 

@@ -142,21 +142,18 @@ def _depth(
     land: NDArray[np.bool_],
     height: float,
     *,
+    # percentile of the depths along the centre line that counts as the minimum. A shallow leg is a quarter of
+    # the line or more, so it shows in full. A crossing, the end of a stroke or a bad sample is a tenth at
+    # most, so it does not.
     shallow_percent: float = 10.0,
     sideways_heights: float = 0.03,
     least_sd_mm: float = 1e-3,
+    # factor of the scatter of the land, which is added in quadrature: dirt that makes the land uneven fills
+    # strokes, too. Of 1,251 characters, 3.2 to 7 mm high, under eight soils, 76 % lie within one standard
+    # deviation and 90 % within two. On worn plates it is 41 % and 55 %, because wear leaves the land even.
     sd_of_scatter: float = 9.0,
 ) -> MarkDepth | None:
-    """Depth of one character; None if too little of it or of the land beside it was felt.
-
-    Args:
-        shallow_percent: percentile of the depths along the centre line that counts as the minimum. A shallow leg is a
-            quarter of the line or more, so it shows in full. A crossing, the end of a stroke or a bad sample is a tenth
-            at most, so it does not.
-        sd_of_scatter: factor of the scatter of the land, which is added in quadrature: dirt that makes the land uneven
-            fills strokes, too. Of 1,251 characters, 3.2 to 7 mm high, under eight soils, 76 % lie within one standard
-            deviation and 90 % within two. On worn plates it is 41 % and 55 %, because wear leaves the land even.
-    """
+    """Depth of one character; None if too little of it or of the land beside it was felt."""
     land_plane = _plane(mark, depth, land, height) if len(mark.points) else None
     if land_plane is None:
         return None

@@ -152,6 +152,7 @@ def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 
 def grade_character(
+    # (channels, rows, cols) edge map of its cell; equals the template's where the mark is as it should be
     felt: NDArray[np.floating],
     predicted: NDArray[np.floating],
     *,
@@ -159,17 +160,13 @@ def grade_character(
     stroke_share: float = 0.3,
     felt_share: float = 0.4,
     least_felt: float = 0.1,
+    # an edge where none is predicted is foreign from this share of the strongest predicted edge times the
+    # contrast
     foreign_share: float = 0.5,
+    # minimum of the contrast for `foreign_share`: noise about a faint mark is not dirt
     least_contrast: float = 0.3,
 ) -> MarkGrade | None:
-    """Grade one character; None if the template predicts no edge.
-
-    Args:
-        felt: (channels, rows, cols) edge map of its cell; equals the template's where the mark is as it should be.
-        foreign_share: an edge where none is predicted is foreign from this share of the strongest predicted edge times
-            the contrast.
-        least_contrast: minimum of the contrast for `foreign_share`: noise about a faint mark is not dirt.
-    """
+    """Grade one character; None if the template predicts no edge."""
     felt, size = felt.astype(np.float64), np.abs(predicted).astype(np.float64)
     peak = float(size.max(initial=0.0))
     if peak == 0.0:

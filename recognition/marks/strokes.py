@@ -214,14 +214,11 @@ def _compare(
     *,
     alike_heights: float = 0.13,
     piece_heights: float = 0.25,
+    # probability that a piece seems to be felt where there is none: a scratch, or other strokes in the part's
+    # font
     falsely_felt: float = 0.05,
 ) -> RivalStrokes:
-    """Weigh the strokes of the character that was read against a rival's.
-
-    Args:
-        falsely_felt: probability that a piece seems to be felt where there is none: a scratch, or other strokes in the
-            part's font.
-    """
+    """Weigh the strokes of the character that was read against a rival's."""
     far = np.linalg.norm(read.points[:, None] - rival.points, axis=2)
     only_read, theirs = (
         strokes.within & (far.min(axis=axis, initial=np.inf) > alike_heights)

@@ -29,16 +29,13 @@ The right font reaches 0.87 on clean parts, the nearest stand-in for another one
 
 @dataclass(frozen=True, eq=False)
 class LineDepths:
-    """Depths of a line's characters along the strokes of a named font, or of the font that fits each of them.
-
-    Attributes:
-        named: whether a font is named. It is wrong if another one fits better by `clear_gain`, and well: dots, sharp
-            grooves and dirt give the right font 0.2 to 0.85, and others then fit no better, or badly as well.
-    """
+    """Depths of a line's characters along the strokes of a named font, or of the font that fits each of them."""
 
     relief: Relief
     laid: LaidText
     others: Sequence[LaidText]
+    # whether a font is named. It is wrong if another one fits better by `clear_gain`, and well: dots, sharp
+    # grooves and dirt give the right font 0.2 to 0.85, and others then fit no better, or badly as well.
     named: bool
     clear_gain: float = 0.05
     least_fit: float = 0.7

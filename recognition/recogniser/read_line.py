@@ -42,18 +42,13 @@ AGREED, AGREED_EVIDENCE = 0.99, -1.0
 
 @dataclass(frozen=True, eq=False)
 class ReadLine:
-    """A line and its posteriors.
-
-    Attributes:
-        evidence: log probability of all that the format allows together; 0 where nothing is known.
-        count_probability: probability that there are so many places; 1 where a format says so.
-    """
+    """A line and its posteriors."""
 
     line: TextLine
     lattice: Lattice
     columns: Floats
-    evidence: float
-    count_probability: float
+    evidence: float  # log probability of all that the format allows together; 0 where nothing is known
+    count_probability: float  # probability that there are so many places; 1 where a format says so
     by_expert: Mapping[str, Lattice]
     looks: Sequence[Steps]
     other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))

@@ -47,17 +47,14 @@ def has_edges(
     values: Floats,
     *,
     step: float,
+    # ratio of the strongest contrast of an octave and its noise from which it is no noise; of white noise it
+    # is 2, after JPEG at most 2.6
     noise_ratio: float = 2.7,
     colour: float = 1.3,
+    # ratio of the contrasts of an octave and of the next coarser one up to which values are smooth
     smooth_ratio: float = 0.4,
 ) -> bool:
-    """Whether values on a grid have edges that neither noise nor blur explains; `step` is their least difference.
-
-    Args:
-        noise_ratio: ratio of the strongest contrast of an octave and its noise from which it is no noise; of white
-            noise it is 2, after JPEG at most 2.6.
-        smooth_ratio: ratio of the contrasts of an octave and of the next coarser one up to which values are smooth.
-    """
+    """Whether values on a grid have edges that neither noise nor blur explains; `step` is their least difference."""
     known = np.isfinite(values)
     if not known.all():
         values = np.where(known, values, np.median(values[known]) if known.any() else 0.0)

@@ -62,18 +62,14 @@ def _is_exposure(
     power: Floats,
     first: Floats,
     *,
+    # for exposures under one lamp, greatest ratio of the second change's power to the first's. Simulated
+    # parts have 0.02 to 0.2, under different lights 0.6 to 0.9, but 0.1 if all grooves run one way.
     one_change: float = 0.4,
-    exposed: float = 0.15,
+    exposed: float = 0.15,  # least spread of log brightness
+    # least correlation of the first change with log brightness: 0.94 to 1.00, for those grooves 0.07
     along: float = 0.9,
 ) -> bool:
-    """Whether nearly all differences come from one change that follows the brightness of the photographs.
-
-    Args:
-        one_change: for exposures under one lamp, greatest ratio of the second change's power to the first's. Simulated
-            parts have 0.02 to 0.2, under different lights 0.6 to 0.9, but 0.1 if all grooves run one way.
-        exposed: least spread of log brightness.
-        along: least correlation of the first change with log brightness: 0.94 to 1.00, for those grooves 0.07.
-    """
+    """Whether nearly all differences come from one change that follows the brightness of the photographs."""
     gains = np.log([float(photograph.mean()) + _DARK for photograph in photographs])
     if power[-2] > one_change * power[-1] or gains.std() < exposed:
         return False

@@ -30,15 +30,12 @@ def without_stains(
     bins: int = 32,
     kernel_bins: float = 1.5,
     focus_px: float = 1.0,
+    # share of the variance of log brightness that colour must explain; below it there are no stains to
+    # remove. On the 145 photographs of the calibration design above it, reading also without stains raises
+    # correct characters from 52 to 64 %, and correct serials from 31 to 55.
     least_explained: float = 0.4,
 ) -> Floats | None:
-    """Return the (rows, cols) brightness that colour does not explain, 0 to 1; None if it is grey or without stains.
-
-    Args:
-        least_explained: share of the variance of log brightness that colour must explain; below it there are
-            no stains to remove. On the 145 photographs of the calibration design above it, reading also without stains
-            raises correct characters from 52 to 64 %, and correct serials from 31 to 55.
-    """
+    """Return the (rows, cols) brightness that colour does not explain, 0 to 1; None if it is grey or without stains."""
     from glyphs.opencv import cv2
 
     if photo.pixels.ndim == 2:

@@ -16,21 +16,18 @@ from whisker_array.whisker.touch import Touch, default_touch
 
 @dataclass(frozen=True)
 class VirtualArray:
-    """Whiskers, sensors and stage that feel a height map.
-
-    Attributes:
-        sensors: real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, and a
-            stage with play and position errors; ideal: none of these.
-        seed: seed of sensors, noise and stage. It is the same for all parts, as they are felt by the same array: a
-            height map is always felt in the same way, whatever its name.
-        range_land_moments: range of the converter in moments on the land; on edges it is up to twice that moment.
-    """
+    """Whiskers, sensors and stage that feel a height map."""
 
     whisker: Touch | None = None
+    # real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, and a stage
+    # with play and position errors; ideal: none of these
     sensors: Sensors = Sensors.REAL
     fidelity: Fidelity = Fidelity.CONTACT
+    # seed of sensors, noise and stage. It is the same for all parts, as they are felt by the same array: a
+    # height map is always felt in the same way, whatever its name.
     seed: int = 0
     noise_seed: int | None = None
+    # range of the converter in moments on the land; on edges it is up to twice that moment
     range_land_moments: float = 3.0
 
     __repr__ = one_line

@@ -131,30 +131,24 @@ class FaultLimits(OneLine):
     """Limits of sound recordings, well above the values of sound sensors, dies, plates and dirt in simulation.
 
     Noise, steps, tones and spikes are shares of the land's moment, rise and sag of a plate preloads.
-
-    Attributes:
-        unit: ratio of moments above which the unit is in doubt and not the height of the stage.
-        misfit: least mean squared difference of neighbouring lines, share of the land, with exchanged channels.
-        misfit_left: greatest share of it that is left in another order of the channels.
-        times_others: greatest ratio of a whisker's noise and steps to those of the others.
-        bent_gain: deviation of a gain from the others': five standard deviations of usual gains.
-        blunt: least sharpness of marks relative to others'; false alarms were counted on the recordings that set it.
-        blunt_spreads: spreads of the others that a worn tip must also be below them, because marks differ.
-        alike: greatest spread of the others on a test piece with grooves; there `alike_blunt` stands for `blunt`.
     """
 
-    unit: float = 5.0
+    unit: float = 5.0  # ratio of moments above which the unit is in doubt and not the height of the stage
     clear: float = 20.0
+    # least mean squared difference of neighbouring lines, share of the land, with exchanged channels
     misfit: float = 0.005
-    misfit_left: float = 0.4
+    misfit_left: float = 0.4  # greatest share of it that is left in another order of the channels
     dead_level: float = 0.2
     noise_air: float = 0.01
     noise_land: float = 0.03
     loose_step: float = 0.02
-    times_others: float = 4.0
-    bent_gain: float = 0.15
+    times_others: float = 4.0  # greatest ratio of a whisker's noise and steps to those of the others
+    bent_gain: float = 0.15  # deviation of a gain from the others': five standard deviations of usual gains
+    # least sharpness of marks relative to others'; false alarms were counted on the recordings that set it
     blunt: float = 0.45
+    # spreads of the others that a worn tip must also be below them, because marks differ
     blunt_spreads: float = 5.0
+    # greatest spread of the others on a test piece with grooves; there `alike_blunt` stands for `blunt`
     alike: float = 0.01
     alike_blunt: float = 0.8
     fewest_others: int = 3
@@ -246,17 +240,12 @@ def find_signal_faults(
 
 @dataclass(frozen=True)
 class _CheckedSignals:
-    """Signals of the first kind of whisker.
-
-    Attributes:
-        shares: all sweeps, NaN where tips run beyond the part.
-        level: (whiskers,) level of the land; NaN for a whisker that has too few samples on the part.
-    """
+    """Signals of the first kind of whisker."""
 
     scan: Scan
     columns: list[int]
-    shares: list[SweepShares]
-    level: Floats
+    shares: list[SweepShares]  # all sweeps, NaN where tips run beyond the part
+    level: Floats  # (whiskers,) level of the land; NaN for a whisker that has too few samples on the part
     wrong: Mask
     faults: tuple[Fault, ...]
     saturated: tuple[Fault, ...]

@@ -47,21 +47,15 @@ from whisker_array.whisker.touch import Touch
 
 @dataclass(frozen=True)
 class Stage:
-    """One resolution of the fit.
-
-    Attributes:
-        coarser: pitch of the map over that requested.
-        place_mm: standard deviation of a position; wide at first, so that edges attract each other.
-        step: half the width of a difference by a position or the friction, in prior standard deviations.
-        cautious: whether slopes are reduced by the share that roughness explains; far from the solution nothing would
-            be left of them.
-    """
+    """One resolution of the fit."""
 
     lines: int
-    coarser: float
-    place_mm: float
-    step: float
+    coarser: float  # pitch of the map over that requested
+    place_mm: float  # standard deviation of a position; wide at first, so that edges attract each other
+    step: float  # half the width of a difference by a position or the friction, in prior standard deviations
     numbers: tuple[Unknown, ...] = tuple(Unknown)
+    # whether slopes are reduced by the share that roughness explains; far from the solution nothing would be
+    # left of them
     cautious: bool = True
 
 
@@ -145,24 +139,20 @@ class Identified(OneLine):
 
 
 def identify(
+    # the recording; its touch is the nominal one. Gains calibrated on a bench are removed and have a small
+    # prior uncertainty; gains from land are ignored, because they contain the friction.
     scan: Scan,
     heights: Heights,
     *,
     whisker: LShaped | Touch,
     only: tuple[Unknown, ...] = tuple(Unknown),
     grid_mm: float = GRID_MM,
-    tip_sd: float = GROUND_TIP,
+    tip_sd: float = GROUND_TIP,  # prior standard deviation of the tip's radius, as a share of the radius
     seed: int = 0,
     fewest_passes: int = 6,
-    finest: float = 0.1,
+    finest: float = 0.1,  # finest grid as a share of the tip's radius; a finer one adds no detail
 ) -> Identified:
     """Identify the bench of a recording over a piece of known relief.
-
-    Args:
-        scan: the recording; its touch is the nominal one. Gains calibrated on a bench are removed and have a small
-            prior uncertainty; gains from land are ignored, because they contain the friction.
-        tip_sd: prior standard deviation of the tip's radius, as a share of the radius.
-        finest: finest grid as a share of the tip's radius; a finer one adds no detail.
 
     Raises IdentifyError for too few passes or samples, MapError without a line, WhiskerError for another shape.
     """

@@ -22,20 +22,17 @@ Friction: TypeAlias = float | NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TouchSurface(OneLine):
-    """A surface ready to be traced, sample by sample, in the plate frame.
+    """A surface ready to be traced, sample by sample, in the plate frame."""
 
-    Attributes:
-        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, and friction of the surface
-            below all soft dirt.
-        dropout: (rows, cols) bool: whether the height was not measured but filled from its surroundings.
-        yielding: (rows, cols, 7) float32, None without soft dirt: height and both slopes of the dirt's top, the
-            stiffness N/mm with which it carries the tip (`soft`), both slopes of the stiffness, and 1 where dirt
-            affects the tip.
-    """
-
+    # (rows, cols, 4) float32: height mm, slope along columns, slope along rows, and friction of the surface
+    # below all soft dirt
     fields: NDArray[np.float32]
+    # (rows, cols) bool: whether the height was not measured but filled from its surroundings
     dropout: NDArray[np.bool_]
     pitch_mm: float
+    # (rows, cols, 7) float32, None without soft dirt: height and both slopes of the dirt's top, the stiffness
+    # N/mm with which it carries the tip (`soft`), both slopes of the stiffness, and 1 where dirt affects the
+    # tip
     yielding: NDArray[np.float32] | None = None
 
     @property

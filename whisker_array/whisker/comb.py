@@ -41,18 +41,14 @@ DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body(OneLine, Validated, error=WhiskerError):
-    """Space occupied by a whisker.
-
-    Attributes:
-        shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and at the greatest bend.
-        clamp_mm: (length ahead of the base, half height).
-    """
+    """Space occupied by a whisker."""
 
     width_mm: Positive
     thickness_mm: Positive
     aside_mm: float
+    # lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and at the greatest bend
     shapes_mm: tuple[NDArray[np.float64], ...]
-    clamp_mm: tuple[float, float]
+    clamp_mm: tuple[float, float]  # (length ahead of the base, half height)
     mass_g: float
 
     @property
@@ -189,18 +185,14 @@ AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
 
 @dataclass(frozen=True)
 class Comb(Validated, error=WhiskerError):
-    """Positions of whiskers, in one comb or several, one behind the other.
-
-    Attributes:
-        pitch_mm: lateral distance between neighbouring whiskers.
-        kinds: number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
-            with the position of its own tip.
-    """
+    """Positions of whiskers, in one comb or several, one behind the other."""
 
     n_whiskers: AtLeastOne
-    pitch_mm: Positive
+    pitch_mm: Positive  # lateral distance between neighbouring whiskers
     rows: int = 1
     stagger_mm: NotNegative = 0.0
+    # number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
+    # with the position of its own tip
     kinds: AtLeastOne = 1
 
     def __post_init__(self) -> None:

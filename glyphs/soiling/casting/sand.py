@@ -33,22 +33,15 @@ MARK = 0.045
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mould(OneLine):
-    """The mould wall of one part; it does not depend on the amount.
-
-    Attributes:
-        around: (rows, cols) squared distance from the middle of the nearest grain, squared radii, 0 to 1.4.
-        rank: (rows, cols) random number of the grain, uniform from 0 to 1.
-        tone: (rows, cols) relative brightness of the grain, 0.5 to 1.5.
-        warmth: (rows, cols) Gaussian noise about a character long.
-        ragged: (rows, cols) Gaussian noise about a stroke wide.
-    """
+    """The mould wall of one part; it does not depend on the amount."""
 
     grain_mm: float
+    # (rows, cols) squared distance from the middle of the nearest grain, squared radii, 0 to 1.4
     around: Field
-    rank: Field
-    tone: Field
-    warmth: Field
-    ragged: Field
+    rank: Field  # (rows, cols) random number of the grain, uniform from 0 to 1
+    tone: Field  # (rows, cols) relative brightness of the grain, 0.5 to 1.5
+    warmth: Field  # (rows, cols) Gaussian noise about a character long
+    ragged: Field  # (rows, cols) Gaussian noise about a stroke wide
 
 
 def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:

@@ -16,9 +16,9 @@ from glyphs.surface.noise import Field
 
 
 def nearest_crack(
-    x_mm: Field,
+    x_mm: Field,  # (rows, cols) x positions of the samples; distorted positions give curved cracks
     y_mm: Field,
-    plate_mm: Field,
+    plate_mm: Field,  # (rows, cols) width of the widest plate that does not crack at each sample
     *,
     size_mm: NDArray[np.float64],
     finest_mm: float,
@@ -30,10 +30,6 @@ def nearest_crack(
 
     A crack opens where it halves a plate wider than `plate_mm`. The network is drawn once; in thicker layers its
     younger cracks stay closed. Older cracks are wider, so they count as nearer.
-
-    Args:
-        x_mm: (rows, cols) x positions of the samples; distorted positions give curved cracks.
-        plate_mm: (rows, cols) width of the widest plate that does not crack at each sample.
     """
     generations = int(np.clip(np.ceil(np.log2(np.prod(size_mm) / finest_mm**2)), 4, 12))
     points = rng.random((points_a_plate << generations, 2)) * size_mm

@@ -21,21 +21,14 @@ _GRAVITY_M_PER_S2 = 9.81
 
 @dataclass(frozen=True, repr=False)
 class Can(OneLine):
-    """The paint of one part and its method of application.
-
-    Attributes:
-        rubber: 0 enamel, 1 chassis paint.
-        brushed: 0 sprayed, 1 brushed.
-        seconds_per_pa_s: time for which it stays fluid, divided by its viscosity.
-        downhill: unit vector x, y.
-    """
+    """The paint of one part and its method of application."""
 
     wet_mm: float
     solids: float
-    rubber: float
-    brushed: float
-    seconds_per_pa_s: float
-    downhill: tuple[float, float]
+    rubber: float  # 0 enamel, 1 chassis paint
+    brushed: float  # 0 sprayed, 1 brushed
+    seconds_per_pa_s: float  # time for which it stays fluid, divided by its viscosity
+    downhill: tuple[float, float]  # unit vector x, y
 
     @property
     def finger_mm(self) -> float:

@@ -47,16 +47,12 @@ def rust(
     *,
     rng: np.random.Generator,
     ratio: float = 3.0,
-    lamina: float = 0.28,
+    lamina: float = 0.28,  # thickness of a lamina, in depths of the marks: 0.02 to 0.12 mm
     hurst: float = 0.6,
+    # earlier onset of rust in marks, standard deviations: cold work, and water that stands in them
     early: float = 0.7,
 ) -> Coat:
-    """Let a part rust outdoors, in the worst case by the sea; see `glyphs.soiling.soils.SoilModel`.
-
-    Args:
-        lamina: thickness of a lamina, in depths of the marks: 0.02 to 0.12 mm.
-        early: earlier onset of rust in marks, standard deviations: cold work, and water that stands in them.
-    """
+    """Let a part rust outdoors, in the worst case by the sea; see `glyphs.soiling.soils.SoilModel`."""
     from scipy.ndimage import gaussian_filter
 
     if amount <= 0.0:

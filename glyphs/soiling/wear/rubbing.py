@@ -43,18 +43,13 @@ _FRESH_REFLECTANCE = 0.62
 
 @dataclass(frozen=True)
 class _Life:
-    """Shares of the kinds of wear on one part, independent of the amount: 0 to 1, about 1 for the leading kind.
-
-    Attributes:
-        soft: softness of the rubbing tool: 0 a file, 1 a buff or loose grains.
-        crossed: spread of the rubbing directions: 0 one belt, 1 a hand with emery.
-    """
+    """Shares of the kinds of wear on one part, independent of the amount: 0 to 1, about 1 for the leading kind."""
 
     rubbed: float
     peened: float
     knocked: float
-    soft: float
-    crossed: float
+    soft: float  # softness of the rubbing tool: 0 a file, 1 a buff or loose grains
+    crossed: float  # spread of the rubbing directions: 0 one belt, 1 a hand with emery
 
     @staticmethod
     def draw(rng: np.random.Generator) -> _Life:

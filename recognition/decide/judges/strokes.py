@@ -44,19 +44,16 @@ def missing_strokes(
     settings: DecisionSettings,
     *,
     least_edges: float = 0.5,
+    # least share of the depth of a character's strokes that must be there, in the best-fitting font, which
+    # may differ from the part's
     least_felt: float = 0.4,
     suited: float = 0.35,
     all_there: float = 0.6,
+    # least number of characters that must differ from the named font: a single one may be a bad blow or
+    # misplaced dots
     least_foreign: int = 2,
 ) -> Iterator[Finding]:
-    """Report characters most of whose strokes are missing, or are those of another font than the named one.
-
-    Args:
-        least_felt: least share of the depth of a character's strokes that must be there, in the best-fitting font,
-            which may differ from the part's.
-        least_foreign: least number of characters that must differ from the named font: a single one may be a bad
-            blow or misplaced dots.
-    """
+    """Report characters most of whose strokes are missing, or are those of another font than the named one."""
     if not choice.may_be_explained and not choice.other_font_fits_better:
         return
     lacking: dict[int, Action] = {}
