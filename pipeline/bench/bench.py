@@ -98,7 +98,6 @@ class Bench:
         return self.daq.stop()
 
     def close(self) -> None:
-        """Lift, and close both ports; closing again does nothing."""
         try:
             if self._in_pass:  # ended by an interrupt
                 self._stop()
@@ -158,7 +157,6 @@ class BenchSession:
         )
 
     def close(self) -> None:
-        """Lift, and release the part."""
         if self._bench is not None and not self._bench.stage.lost:
             with contextlib.suppress(StageError):
                 self._bench.stage.lift()

@@ -76,7 +76,6 @@ class Sender:
 
     @property
     def done(self) -> bool:
-        """Whether every line is acknowledged."""
         return self._acknowledged == len(self._lines)
 
     def due(self, *, silent: bool) -> bytes:
@@ -198,7 +197,6 @@ class Controller(ABC):
             self._place = (float(x), float(y), float(z))
 
     def travel(self, moves: Moves) -> None:
-        """Lift, turn, and move to the start of a pass."""
         s = self.settings
         self._check_place_known()
         lines = [self._move(s.rapid_mm_s, Z=moves.lift_z_mm)]
@@ -243,7 +241,6 @@ class Controller(ABC):
         self.run([*up, *self.dialect.settle], seconds=s.lift_mm / s.rapid_mm_s + s.answer_s)
 
     def close(self) -> None:
-        """Close the port."""
         self.port.close()
 
     def failed(self, what: str, hint: str = _HOME_HINT) -> StageError:
@@ -252,7 +249,6 @@ class Controller(ABC):
         return StageError(what, hint)
 
     def unknown(self) -> StageError:
-        """Make the error for a controller that runs another firmware."""
         return self.failed(
             f"the stage's controller does not answer like {self.dialect.name}",
             "see firmware, port and baud of [stage]",

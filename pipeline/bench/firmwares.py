@@ -80,11 +80,9 @@ class Grbl(Controller):
         return self._reset()
 
     def sender(self, lines: Sequence[str]) -> Sender:
-        """Make a sender that limits the characters in flight."""
         return Sender([f"{line}\n".encode() for line in lines], room_bytes=_ROOM_BYTES, query=b"?")
 
     def ask_place(self) -> None:
-        """Ask for a status report."""
         self._state(wait_s=self.settings.answer_s)
 
     def stop(self) -> None:
@@ -161,14 +159,12 @@ class Marlin(Controller):
         raise self.unknown()
 
     def sender(self, lines: Sequence[str]) -> Sender:
-        """Make a sender that continues the line numbers."""
         first = 0 if lines[0] == _COUNT_ANEW else self._number + 1
         self._number = first + len(lines) - 1
         bodies = [f"N{number} {line}" for number, line in enumerate(lines, start=first)]
         return Sender([f"{body}*{reduce(xor, body.encode())}\n".encode() for body in bodies], first=first)
 
     def ask_place(self) -> None:
-        """Send M114."""
         self.run(["M400", "M114"], seconds=0.0)
 
     def take_in(self, answer: str) -> None:

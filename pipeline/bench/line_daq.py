@@ -64,7 +64,6 @@ class LineDaq:
             raise
 
     def describe(self) -> str:
-        """Name, channels and range of the converter."""
         return f"{self._name}, {self.whiskers} channels, {2 * self._full} counts over +-{self._range_v:g} V"
 
     def start(self) -> None:
@@ -97,7 +96,6 @@ class LineDaq:
         )
 
     def close(self) -> None:
-        """Close the port."""
         self._closed = True
         self._thread.join(2.0)
         self._port.close()

@@ -46,12 +46,10 @@ class Ramp:
 
     @property
     def peak_mm_s(self) -> float:
-        """Highest speed reached."""
         return min(self.speed_mm_s, math.sqrt(self.distance_mm * self.acceleration_mm_s2))
 
     @property
     def duration_s(self) -> float:
-        """Duration of the whole move."""
         peak = self.peak_mm_s
         return self.distance_mm / peak + peak / self.acceleration_mm_s2 if peak > 0.0 else 0.0
 

@@ -55,7 +55,6 @@ class NiDaq:
             self._rate_hz = float(self._task.timing.samp_clk_rate)
 
     def describe(self) -> str:
-        """Channels and rate."""
         return f"{self._settings.channels} by NI-DAQmx, {self.whiskers} channels at {self._rate_hz:g} Hz"
 
     def start(self) -> None:
@@ -82,7 +81,6 @@ class NiDaq:
         )
 
     def close(self) -> None:
-        """Release the task."""
         if self._task is not None:
             with contextlib.suppress(*self._errors):
                 self._task.close()

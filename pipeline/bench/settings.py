@@ -143,7 +143,6 @@ class BenchSettings(Strict):
 
     @property
     def gains_v_per_n_mm(self) -> tuple[float, ...]:
-        """Gain of every whisker."""
         gains = self.daq.volt_per_n_mm
         return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
 

@@ -45,7 +45,6 @@ class StoreOptions:
 
     @property
     def settings(self) -> ServiceSettings:
-        """Settings of the service, at this store."""
         return self.service if self.store is None else self.service.model_copy(update={"store": self.store})
 
     @contextlib.contextmanager
@@ -69,13 +68,11 @@ class DataOptions(StoreOptions):
 
     @property
     def settings(self) -> ServiceSettings:
-        """Settings of the service, at this folder and store."""
         settings = super().settings
         return settings if self.folder is None else settings.model_copy(update={"folder": self.folder})
 
     @property
     def evidence(self) -> EvidenceFolder:
-        """Files of the service."""
         from pipeline.store.evidence_folder import EvidenceFolder
 
         return EvidenceFolder(self.settings.evidence_folder)

@@ -75,7 +75,6 @@ class ProductionOrder:
     ranges: tuple[tuple[NumberedSerial, NumberedSerial], ...] = ()
 
     def holds(self, text: str) -> bool:
-        """Whether a serial is in it, with or without blanks."""
         place = split_serial(text)
         return without_blanks(text) in self.serials or any(
             place is not None and place.series == first.series and first.number <= place.number <= last.number
@@ -93,7 +92,6 @@ class SerialRules:
 
     @property
     def any(self) -> bool:
-        """Whether any check is on."""
         return self.duplicates or self.jump > 0 or self.order is not None
 
     def by_order(self, text: str) -> Objection | None:

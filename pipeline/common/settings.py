@@ -83,7 +83,6 @@ class Settings(BaseModel):
 
     @classmethod
     def variable(cls, name: str) -> str:
-        """The environment variable of a setting."""
         path = name.split(".")
         return "_".join(("TACTILE_MARKS", *([cls.table] if cls.table else []), *path)).upper()
 
@@ -367,13 +366,11 @@ class ReadSettings(MapSettings, PartSettings):
 
     @property
     def regions(self) -> bool:
-        """Whether a region is given for any line."""
         lines = map(NamedLine.parse, self.line)
         return self.region is not None or any(line.region is not None for line in lines)
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Sources of the readings that the mode may give."""
         return ("tactile", "vision", "fused") if self.mode == "auto" else (self.mode,)
 
     def check_accept_risk(self) -> None:

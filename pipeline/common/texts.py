@@ -74,7 +74,6 @@ class Pair:
 
     @property
     def right(self) -> bool:
-        """Whether it was read as it was stamped."""
         return self.true == self.read
 
 

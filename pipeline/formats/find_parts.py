@@ -68,7 +68,6 @@ class PassedOver:
 
     @property
     def counts(self) -> Counter[str]:
-        """Number of files by suffix, and of folders."""
         suffixes = (os.path.splitext(split_name(file)[1])[1] for file in self.files)
         counts = Counter(suffix.lower()[:20] or "no suffix" for suffix in suffixes)
         return counts + Counter(folder=len(self.folders))
@@ -227,7 +226,6 @@ class FoundFiles:
             self._parts[key] = with_file(part, kind, file)
 
     def add_listed(self, parts: Iterable[PartFiles]) -> None:
-        """Add the parts of a manifest."""
         for part in parts:
             key = ("", "", str(len(self._parts)))
             self._named.add(key)

@@ -49,7 +49,6 @@ class PhotoKind:
 
     @property
     def suffix(self) -> str:
-        """The usual suffix."""
         return self.suffixes[0]
 
 

@@ -177,12 +177,10 @@ class PartFiles:
 
     @property
     def photo(self) -> str:
-        """The first photograph."""
         return self.photos[0] if self.photos else ""
 
     @property
     def felt(self) -> bool:
-        """Whether there is a height map or scan."""
         return bool(self.height_map or self.scan)
 
     def absolute(self) -> PartFiles:

@@ -84,7 +84,6 @@ class SynthSpec(Stamping):
         )
 
     def photograph(self, part: Part) -> Photo:
-        """Photograph one of its parts, also under other lights."""
         return part.photograph(
             light_azimuth_deg=self.light_azimuth_deg,
             light_elevation_deg=self.light_elevation_deg,

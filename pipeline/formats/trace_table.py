@@ -61,7 +61,6 @@ class TraceTable:
 
     @property
     def n_rows(self) -> int:
-        """Samples of each column."""
         return next(iter(self.columns.values())).size
 
     def column(self, name: Column | None) -> NDArray[np.float64]:

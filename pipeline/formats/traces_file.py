@@ -43,7 +43,6 @@ class Columns(Strict, strict=True):
     number: Column | None = Field(default=None, alias="pass")
 
     def named(self) -> tuple[Column, ...]:
-        """All named columns."""
         others = (self.x, self.y, self.time, self.lifted, self.number)
         return (*self.moment, *(c for c in others if c is not None))
 

@@ -68,7 +68,6 @@ class Accuracy:
     accepted: int = 0
 
     def add(self, record: ReadingRecord) -> None:
-        """Count one reading."""
         name = self.truth.name_of(record.part)
         if name is None:
             self.without_truth += 1
@@ -97,7 +96,6 @@ class Accuracy:
         ]
 
     def lines(self) -> list[str]:
-        """The accuracy, and which parts were wrong."""
         if not self.parts:
             return ["no part that was read has a truth"]
         not_read = len(self.truth) - len(self.seen)
@@ -150,7 +148,6 @@ class PartTexts(dict[str, str]):
         return nearest[0] if len(nearest) == 1 else None
 
     def text_of(self, part: str) -> str | None:
-        """The text of a part; None where the table has none."""
         name = self.name_of(part)
         return None if name is None else self[name]
 

@@ -78,7 +78,6 @@ class SheetPart:
 
     @property
     def right(self) -> bool:
-        """Whether it was read as stamped."""
         return same_text(self.reading.text, self.truth)
 
 

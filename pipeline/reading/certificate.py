@@ -92,7 +92,6 @@ class Certificate:
 
     @property
     def coverage(self) -> float:
-        """Share of the parts that were accepted."""
         return self.accepted / self.parts
 
     @property
@@ -106,7 +105,6 @@ class Certificate:
         return {**own, "certified": self.acceptance}
 
     def describe(self) -> str:
-        """Describe the certificate: what it shows, then the parts."""
         return (
             f"Of serials that are accepted from confidence {self.threshold:g}, at most {risk_in_words(self.risk)} are "
             f"wrong: shown with {100.0 * self.confidence:g} % confidence.\n"

@@ -74,7 +74,6 @@ class EnrolReport:
     agreement: float = 1.0
 
     def describe(self) -> str:
-        """The result in a few lines of text."""
         taken = sum(len(chars) for _, chars in self.enrolled)
         known = f", {len(self.known)} parts were known" if self.known else ""
         lines = [f"{self.font}: {taken} characters of {len(self.enrolled)} parts enrolled{known}"]

@@ -32,7 +32,6 @@ class HeldOutCheck:
 
     @property
     def is_worse(self) -> bool:
-        """Whether reading with the learned font makes more errors."""
         return self.edits > self.edits_without
 
     def describe(self) -> str:

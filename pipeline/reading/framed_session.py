@@ -31,10 +31,8 @@ class FramedSession:
         self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
 
     def feel(self, order: Pass) -> Sweep:
-        """Run one pass. StageError: it failed."""
         moved = order.moved(self._x_mm, self._y_mm)
         return replace(self._session.feel(moved), plan=order.sweep_plan())
 
     def close(self) -> None:
-        """Close the inner session."""
         self._session.close()

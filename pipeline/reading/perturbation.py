@@ -91,7 +91,6 @@ class Retake:
 
     @property
     def grown(self) -> float:
-        """Scale factor of the part."""
         return 1.0 + self._either_way(0) * self.how.scale
 
     def surface(self, height_map: HeightMap) -> HeightMap:
@@ -99,7 +98,6 @@ class Retake:
         return replace(height_map, pitch_mm=height_map.pitch_mm * self.grown)
 
     def photo(self, photo: Photo) -> Photo:
-        """Take the photograph again."""
         pixels, centre, how = photo.eight_bit, photo.centre_mm, self.how
         if how.scale:
             from glyphs.opencv import cv2

@@ -44,12 +44,10 @@ class ReadPart:
 
     @property
     def record(self) -> ReadingRecord:
-        """The reading that counts."""
         return self.readings[-1]
 
     @property
     def state(self) -> PartState:
-        """State of the part after that reading."""
         return state_after(self.record)
 
 

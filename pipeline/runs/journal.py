@@ -251,7 +251,6 @@ class Journal(Generic[Stored]):
             return json.dumps(self._adapter.dump_python(result, mode="json", exclude_defaults=True))
 
     def parse(self, text: str) -> Stored:
-        """A result from the column `kept`."""
         try:
             return self._adapter.validate_json(text)
         except ValueError:  # likewise

@@ -51,7 +51,6 @@ class RunOptions:
 
     @property
     def store(self) -> str | None:
-        """URL of the store, if that is the output."""
         return self.out if self.out is not None and is_store(self.out) else None
 
     def check(self) -> None:

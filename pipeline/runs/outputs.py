@@ -121,7 +121,6 @@ class RunJournal(Journal[ReadPart]):
             yield _outline(row[:5]), None if row[5] is None else _outline(row[5:])
 
     def errors(self) -> dict[str, str]:
-        """Why parts could not be read, by name."""
         return {first.part: first.error for first, _ in self.outlines() if first.error}
 
     def better(self, order: Iterable[str] = ()) -> Iterator[Outline]:
@@ -251,7 +250,6 @@ class RunStore:
         self._store = Store.open(url)
 
     def close(self) -> None:
-        """Close the store."""
         self._store.close()
 
     def keep(self, part: PartFiles, read: ReadPart) -> bool:

@@ -48,7 +48,6 @@ class Progress:
             self._bar.stop()
 
     def more(self, parts: int) -> None:
-        """Add parts to read."""
         self._total += parts
         if self._bar is not None:
             self._bar.update(self._task, total=self._total)
@@ -59,14 +58,12 @@ class Progress:
             self._bar.update(self._task, description=what)
 
     def line(self, what: str) -> None:
-        """Show a line that stays."""
         if self._bar is not None:
             self._bar.console.print(what, markup=False, highlight=False)
         else:
             print(what, file=sys.stderr, flush=True)
 
     def advance(self, *, failed: bool = False) -> None:
-        """Count one more finished part."""
         self._done += 1
         self._failed += failed
         if self._bar is not None:

@@ -48,7 +48,6 @@ class Summary:
     slowest: list[tuple[float, str]] = field(default_factory=list)
 
     def add(self, record: ReadingRecord) -> None:
-        """Count one more part."""
         self.parts += 1
         self.seconds += record.seconds
         self.slowest = heapq.nlargest(_SLOWEST, [*self.slowest, (record.seconds, record.part)])
@@ -69,7 +68,6 @@ class Summary:
                 _count(self.reasons, "not sure enough")
 
     def counts(self) -> str:
-        """Numbers of parts of each kind in one line."""
         counted = {
             **{word: self.decisions[word] for word in DECISIONS},
             **{word: self.verdicts[word] for word in VERDICTS},
@@ -107,7 +105,6 @@ class Summary:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """The summary as plain values."""
         return {
             "parts": self.parts,
             **{d: self.decisions[d] for d in DECISIONS},

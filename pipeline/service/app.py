@@ -134,7 +134,6 @@ class Ports:
         return self._watched is None or self._watched.renew_keys(before=before)
 
     def connections(self) -> tuple[Connection, ...]:
-        """The present connections."""
         states = self._dispatcher.states
         waiting = self._intake.store.waiting_results() if states else {}
         targets = (replace(state, waiting=waiting.get(target)) for target, state in states.items())
@@ -301,7 +300,6 @@ class Service:
         return {name: text for name, text in answer.items() if text}
 
     def look_for_alerts(self) -> None:
-        """Raise and clear alerts, and have them sent."""
         limits = self.settings.alerts
         raised = self.store.look_for_alerts(
             limits={REJECT_RATE: limits.reject_rate, REVIEW_RATE: limits.review_rate},
@@ -366,7 +364,6 @@ class Service:
             await asyncio.to_thread(self.close)
 
     def close(self) -> None:
-        """End the workers and close the store."""
         self._checker.shutdown(wait=False)
         self.pool.close(GRACE_S)
         self.store.close()

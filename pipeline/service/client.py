@@ -101,7 +101,6 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Close the connections."""
         self._http.close()
 
     def read(
@@ -175,7 +174,6 @@ class Client:
         return _record(PartRecord, answer)
 
     def part(self, part_id: str) -> PartRecord:
-        """Get the current record of a part."""
         return _record(PartRecord, self._send("GET", _path(part_id)))
 
     def parts(
@@ -195,7 +193,6 @@ class Client:
         return _record(tuple[PartRecord, ...], answer)
 
     def history(self, part_id: str) -> History:
-        """Get the history of a part."""
         return _record(History, self._send("GET", f"{_path(part_id)}/history"))
 
     def picture(self, part_id: str, which: Which) -> bytes:

@@ -37,7 +37,6 @@ class SparingLog(logging.Handler):
         self._last_s: dict[str, float] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Log a record of a library."""
         error = record.exc_info[1] if record.exc_info else None
         why = f": {type(error).__name__}: {error}" if error is not None else ""
         self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}")

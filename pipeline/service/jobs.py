@@ -193,7 +193,6 @@ class JobFolder(RecentFiles):
         return "; ".join(f"job {name}: {why}" if name else why for name, why in self.drifts().items() if why)
 
     def listed(self) -> list[JobAnswer]:
-        """Every job, by name."""
         known = {name: self._refresh(name) for name in self.files()}
         return [
             JobAnswer(name, without_paths(job.job.written if job.job else {}), job.problem)

@@ -135,7 +135,6 @@ class ReviewSettings(Settings):
         return 1000.0 * SystemRandom().random() < self.audit_per_thousand
 
     def mode(self, story: PartStory, person: Person) -> ReviewMode:
-        """Mode in which a person reviews a part."""
         from pipeline.common.records import PartState
 
         if story.awaits_audit:
@@ -204,7 +203,6 @@ class WatchSettings(Settings):
 
     @property
     def every_s(self) -> float:
-        """Seconds between two looks at the folder."""
         return min(max(0.5 * self.settle_s, _LEAST_LOOK_S), 1.0)
 
 
@@ -386,7 +384,6 @@ class ServiceSettings(Settings):
 
     @property
     def on_loopback(self) -> bool:
-        """Whether only this machine can call."""
         return is_loopback(self.host)
 
     @property
@@ -403,12 +400,10 @@ class ServiceSettings(Settings):
 
     @property
     def store_url(self) -> str:
-        """Address of the store."""
         return self.store or f"sqlite:///{(self.folder / STORE_FILE).absolute()}"
 
     @property
     def evidence_folder(self) -> Path:
-        """Folder of photographs, scans and pictures."""
         return self.folder / "evidence"
 
     @property
@@ -418,7 +413,6 @@ class ServiceSettings(Settings):
 
     @property
     def job_files(self) -> Path:
-        """Folder of jobs."""
         return self.folder / "jobs"
 
 

@@ -77,7 +77,6 @@ class CheckReport:
     counts: Counter[Fault] = field(default_factory=Counter)
 
     def add(self, fault: Fault, subject: str, what: str, *, n: int = 1) -> None:
-        """Add a finding."""
         if self.counts[fault] < _MOST_TOLD:
             self.findings.append(Finding(fault, subject, what))
         self.counts[fault] += n

@@ -80,12 +80,10 @@ class Transaction:
         return self.connection.execute(statement, rows)
 
     def count(self, table: sa.Table, *where: sa.ColumnElement[bool]) -> int:
-        """Count the rows of a table."""
         return int(self.execute(sa.select(sa.func.count()).select_from(table).where(*where)).scalar_one())
 
     @property
     def postgresql(self) -> bool:
-        """Whether it is PostgreSQL; else it is SQLite."""
         return self.connection.dialect.name == "postgresql"
 
     def insert_if_new(self, table: sa.Table, row: Mapping[str, Any]) -> bool:
@@ -210,7 +208,6 @@ class Database:
             self.write_failed = False
 
     def close(self) -> None:
-        """Close every connection."""
         self._engine.dispose()
 
 

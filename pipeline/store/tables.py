@@ -29,7 +29,6 @@ class UtcTime(sa.TypeDecorator[datetime]):
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        """To the database."""
         if value is not None and value.tzinfo is None:
             raise UnfitError(f"the time {value} has no zone", hint="give it in UTC")
         try:
@@ -40,7 +39,6 @@ class UtcTime(sa.TypeDecorator[datetime]):
             ) from error
 
     def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:
-        """From the database."""
         if value is None:
             return None
         aware: datetime = value if value.tzinfo is not None else value.replace(tzinfo=UTC)

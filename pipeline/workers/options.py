@@ -30,7 +30,6 @@ class PoolSettings(Settings):
 
     @property
     def processes(self) -> int:
-        """Number of worker processes."""
         return cores() if self.jobs is None else self.jobs
 
 

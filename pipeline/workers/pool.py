@@ -182,17 +182,14 @@ class WorkPool(Executor):
 
     @property
     def waiting(self) -> int:
-        """Number of jobs that no worker has started."""
         return len(self._waiting)
 
     @property
     def running(self) -> int:
-        """Number of jobs in progress."""
         return sum(slot.job is not None for slot in self._slots)
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """Process ids of the live workers."""
         workers = [slot.worker for slot in self._slots]
         return tuple(w.process.pid for w in workers if w is not None and w.is_alive and w.process.pid)
 
@@ -201,7 +198,6 @@ class WorkPool(Executor):
         return not self._closing.is_set() and any(slot.warm for slot in self._slots)
 
     def all_ready(self) -> bool:
-        """Whether every worker is warm."""
         return all(slot.warm for slot in self._slots)
 
     @property

@@ -89,7 +89,6 @@ class Worker:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the process has not ended."""
         return self.process.exitcode is None
 
     def ask(
@@ -135,7 +134,6 @@ class Worker:
             return time.monotonic()
 
     def kill(self) -> None:
-        """End the process now."""
         with contextlib.suppress(OSError, ValueError):
             self.process.kill()
 

@@ -48,7 +48,6 @@ class Change:
 
     @property
     def reader(self) -> str:
-        """The mode, and the facts that it knew."""
         return GroupKey(self.after.mode, ((GIVEN_FACTOR, self.after.given),)).reader
 
 
@@ -82,7 +81,6 @@ class Changes:
 
     @property
     def counts(self) -> dict[str, Counter[Flip]]:
-        """Number of flips of each kind, by reader."""
         counts: dict[str, Counter[Flip]] = {row.compared.first.reader: Counter() for row in self.overall}
         for change in self.flips:
             counts[change.reader][change.flip] += 1

@@ -39,23 +39,19 @@ class Condition(dict[str, Level]):
 
     @property
     def severity(self) -> float | None:
-        """Severity of the dirt, 0 to 1; None if not known."""
         level = self.get("severity")
         return None if level is None else float(level)
 
     @property
     def font(self) -> str:
-        """Font of the mark: built-in name or file; empty if not known."""
         return str(self.get("font") or "")
 
     @property
     def format(self) -> str:
-        """Format of the serial; empty if not known."""
         return str(self.get("format") or "")
 
     @property
     def height_mm(self) -> float | None:
-        """Height of the characters; None if not known."""
         level = self.get("height_mm")
         return None if level is None else float(level)
 

@@ -152,13 +152,11 @@ class Design(BaseModel):
 
     @property
     def font_names(self) -> tuple[str, ...]:
-        """Names of the fonts of all parts."""
         named = [str(font) for s in self.all_sections() for font in {**self.part, **s.part}["font"]]
         return tuple(dict.fromkeys(named))
 
     @property
     def n_parts(self) -> int:
-        """Number of parts."""
         return sum(section.parts for section in self.all_sections())
 
     def cells(self, section: Section) -> list[dict[str, Level]]:

@@ -113,7 +113,6 @@ class DesignedParts:
         return sorted(items, key=lambda item: shares[item.part])[: self.first]
 
     def make(self, item: Item) -> Specimen:
-        """Stamp and soil the part, and prepare it for the camera."""
         spec = self.spec(item.condition)
         if item.condition.get("generator") == "sketched":
             part = sketch_part(
@@ -139,11 +138,9 @@ class DesignedParts:
         )
 
     def truth_of(self, item: Item) -> str:
-        """Return the text stamped on a part, without making the part."""
         return without_blanks(text_of(self.spec(item.condition), item.number))
 
     def font_of(self, condition: Condition) -> str:
-        """See `Parts`."""
         return str(font_file(condition.font, self.design.fonts))
 
     def spec(self, condition: Condition) -> SynthSpec:

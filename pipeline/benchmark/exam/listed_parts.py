@@ -78,7 +78,6 @@ class ListedParts:
         return cls(tuple(known), table, {"truth": key_of({item.part: item.truth for item in known})})
 
     def items(self) -> list[Item]:
-        """All of them, in order."""
         return list(self.known)
 
     def make(self, item: Item) -> Specimen:
@@ -109,11 +108,9 @@ class ListedParts:
         )
 
     def font_of(self, condition: Condition) -> str:
-        """See `Parts`."""
         return condition.font
 
     def description(self) -> dict[str, Any]:
-        """See `Parts`."""
         return self.described
 
 

@@ -91,7 +91,6 @@ class PartReadings:
 
     @cached_property
     def touch(self) -> Reading:
-        """Reading by touch."""
         from recognition.surface import Surface
 
         part = self.specimen
@@ -120,7 +119,6 @@ class PartReadings:
 
     @cached_property
     def vision(self) -> Reading:
-        """Reading of the photograph."""
         photo = self.photo
         return self._time("vision", lambda: self._decide(self._reader.look_at(photo)))
 

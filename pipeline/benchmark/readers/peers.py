@@ -83,7 +83,6 @@ class RapidOcr:
         return np.where(self._allowed, beliefs, 0.0)
 
     def read_line(self, picture: NDArray[np.uint8], places: Sequence[str]) -> Line:
-        """See `LineReader`."""
         beliefs = self.beliefs(picture)
         return decode_format(beliefs, self.classes, places) if places else decode_ctc(beliefs, self.classes)
 

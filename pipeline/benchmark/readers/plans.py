@@ -44,7 +44,6 @@ class TouchPlan:
 
     @property
     def mode(self) -> str:
-        """Mode that reads with this plan."""
         return f"{self.name} {self.level:g}"
 
     @classmethod

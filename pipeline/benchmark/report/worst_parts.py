@@ -40,7 +40,6 @@ class WorstPart:
 
     @property
     def part(self) -> str:
-        """Name of the part."""
         return self.trials[0].part
 
 

@@ -70,7 +70,6 @@ class GaugeRR:
 
     @property
     def total_mm(self) -> float:
-        """All variation."""
         return math.hypot(self.gauge_mm, self.part_mm)
 
     @property
@@ -89,7 +88,6 @@ class GaugeRR:
 
     @property
     def verdict(self) -> str:
-        """Verdict by the manual's limits."""
         if self.share > USABLE:
             return "poor"
         few = self.categories is not None and self.categories < LEAST_CATEGORIES

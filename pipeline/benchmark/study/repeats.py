@@ -60,7 +60,6 @@ class StudyPlan:
     arrays: int
 
     def appraiser(self, array: int) -> str:
-        """Name of an array, numbered from 0."""
         return f"array {array + 1}" if self.arrays > 1 else "the reader"
 
 

@@ -31,7 +31,6 @@ class Study:
 
     @cached_property
     def decisions(self) -> list[Agreement]:
-        """Agreement of the reader's decisions."""
         return agreements(_by_appraiser(self.measured, "decision"))
 
     @cached_property
@@ -62,7 +61,6 @@ class Study:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of the parts."""
         return tuple(dict.fromkeys(m.part for m in self.measured))
 
     @property

@@ -62,12 +62,10 @@ class Trial:
 
     @property
     def severity(self) -> float | None:
-        """Severity of the dirt, 0 to 1; None if not known."""
         return Condition(**self.levels).severity
 
     @property
     def given(self) -> str:
-        """Facts given to the reader, such as font,format."""
         names = [name for name in GIVEN if self.levels.get(f"{name}_given")]
         return ",".join(names) or "nothing"
 
@@ -83,12 +81,10 @@ class Trial:
 
     @property
     def right(self) -> bool:
-        """True if the whole serial is right."""
         return not self.error and self.text == self.truth
 
     @property
     def accepted(self) -> bool:
-        """True if the reader accepts its text."""
         return self.decision == "accept"
 
 

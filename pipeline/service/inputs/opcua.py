@@ -143,7 +143,6 @@ class OpcUaPort:
                 await self.tell(part)
 
     async def tell(self, part: PartRecord) -> None:
-        """Send a part as an event."""
         if self._server is None:
             return
         decision = decision_of(part)

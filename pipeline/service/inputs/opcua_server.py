@@ -188,7 +188,6 @@ class GuardedServer(Server):
         self.limits.max_chunk_count = max(1, MESSAGE_BYTES // self.limits.max_recv_buffer)
 
     async def start(self) -> None:
-        """Listen."""
         await self._setup_server_nodes()
         await self.iserver.start()
         try:

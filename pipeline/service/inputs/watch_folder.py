@@ -128,7 +128,6 @@ class WatchedFolder:
         self._failures: dict[str, tuple[str, float]] = {}
 
     async def start(self) -> dict[str, object]:
-        """Start to watch; return the folder and the interval."""
         every_s = self._settings.every_s
         self._task = asyncio.create_task(repeat("look at the watched folder", self._round, every_s=every_s))
         return {"folder": str(self.folder), "every_s": every_s}

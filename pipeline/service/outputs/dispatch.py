@@ -63,7 +63,6 @@ class Connection:
 
     @property
     def state(self) -> str:
-        """The state in words."""
         if self.error:
             return "cannot be reached"
         if n := len(self.refused):
@@ -166,7 +165,6 @@ class Dispatcher:
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        """Start, in tasks of the running loop."""
         for target, sender in self._senders.items():
             self._tasks.append(asyncio.create_task(self._run(target, sender), name=f"dispatcher {target}"))
         self._tasks.append(asyncio.create_task(self._warn_of_unknown_targets()))

@@ -128,7 +128,6 @@ class MqttSender:
             raise
 
     async def close(self) -> None:
-        """Publish the status offline, and disconnect."""
         self._closed = True
         await end_tasks(self._calling)
         async with self._connecting:

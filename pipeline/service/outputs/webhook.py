@@ -99,7 +99,6 @@ class WebhookSender:
         _judge(answer)
 
     async def close(self) -> None:
-        """Close the connections."""
         await self._http.aclose()
 
 

@@ -103,7 +103,6 @@ class Frame:
         return answer
 
     def refusal(self, request: Request, status: int, message: str) -> Response:
-        """A page with the reason of a refusal."""
         return self.render(request, "message.html.j2", status=status, message=message, shown_status=status)
 
 
@@ -117,7 +116,6 @@ class View:
 
     @property
     def may_review(self) -> bool:
-        """Whether the caller's token, if one is asked for, allows reviews."""
         return Scope.REVIEW in self.caller.scopes
 
     @property

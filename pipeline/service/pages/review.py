@@ -38,7 +38,6 @@ class ReviewForm(BaseModel):
     mode: ReviewMode = ReviewMode.OPEN
 
     def clean(self, token: str) -> ReviewForm:
-        """Remove surrounding blanks, and sign by the token, if any."""
         who, note = (" ".join(value.split()) for value in (token or self.who, self.note))
         return self.model_copy(update={"text": self.text.strip(), "who": who, "note": note})
 

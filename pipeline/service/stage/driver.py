@@ -82,7 +82,6 @@ class DriverThread:
         return outcome
 
     async def call_async(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
-        """Do the same as `call` in a coroutine."""
         call = self._submit(work, timeout_s)
         answer = asyncio.wrap_future(call.future)
         try:
@@ -157,7 +156,6 @@ class LinkedStage:
         self.address, self._key = address, key
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Have the service's driver open a session."""
         self._connection = Client(self.address, authkey=self._key)
         try:
             self.fitting = self._answer(order)
@@ -167,12 +165,10 @@ class LinkedStage:
         return self
 
     def feel(self, order: Pass) -> Sweep:
-        """Feel one pass."""
         sweep: Sweep = self._answer(order)
         return sweep
 
     def close(self) -> None:
-        """Let the service close the driver's session."""
         self._connection.close()
 
     def _answer(self, question: Any) -> Any:

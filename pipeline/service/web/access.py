@@ -51,7 +51,6 @@ class Caller:
     token: str = ""
 
     def person(self, who: str = "") -> Person:
-        """The calling person: by the token, or else by the given name."""
         return Person(self.token or who, token=self.token)
 
 

@@ -47,7 +47,6 @@ class Upload:
 
     @property
     def media_type(self) -> str:
-        """Media type for browsers."""
         usual = "application/x-hdf5" if self.kind is EvidenceKind.SCAN else "application/octet-stream"
         return next((kind.media_type for kind in READ if kind.suffix == self.path.suffix), usual)
 

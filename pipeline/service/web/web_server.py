@@ -61,7 +61,6 @@ class DrainingServer(uvicorn.Server):
             yield
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Start to drain."""
         super().handle_exit(sig, frame)
         if self._stop_at_s is None and self.started and not self.force_exit:
             self._stop_at_s = time.monotonic() + self._drain_s
@@ -69,7 +68,6 @@ class DrainingServer(uvicorn.Server):
         self._drain()
 
     async def on_tick(self, counter: int) -> bool:
-        """Return whether to stop."""
         if self._stop_at_s is not None and time.monotonic() >= self._stop_at_s:
             self.should_exit = True
         return await super().on_tick(counter)
