@@ -122,7 +122,7 @@ def naming(name: str | Path) -> Iterator[None]:
 
 
 def require_file(path: Path, *, most_bytes: int) -> None:
-    """Check that a path is a file, not empty and not too long. FileError: it is not."""
+    """Check that a path is a file, not empty and not too long. Raises FileError: it is not."""
     try:
         status = path.stat()
     except FileNotFoundError:

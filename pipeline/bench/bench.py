@@ -75,15 +75,15 @@ class Bench:
         self.stage.lift()
 
     def session(self, part_id: str = "") -> BenchSession:
-        """Open a session with the part under the whiskers, in the plate's frame; home if needed. StageError: homing
-        failed."""
+        """Open a session with the part under the whiskers, in the plate's frame; home if needed. Raises StageError:
+        homing failed."""
         if self.stage.lost:
             self.home()
         return BenchSession(self, self.settings.fitting(part_id))
 
     def run(self, moves: Moves) -> Record:
-        """Run one pass; the tips end lifted. StageError: it failed; the stage is stopped and, as far as possible,
-        lifted."""
+        """Run one pass; the tips end lifted. Raises StageError: it failed; the stage is stopped and, as far as
+        possible, lifted."""
         self.stage.travel(moves)
         self.daq.start()
         self._in_pass = True
@@ -138,7 +138,7 @@ class BenchSession:
         self.fitting: Fitting = replace(fitting, calibration=known)
 
     def feel(self, order: Pass) -> Sweep:
-        """Run one pass. Samples are stored by line, whichever whisker ran on it. StageError: the pass failed."""
+        """Run one pass. Samples are stored by line, whichever whisker ran on it. Raises StageError: the pass failed."""
         if self._bench is None:
             raise StageError("the part is no longer on the stage", "open a new session for every part")
         settings = self._bench.settings
@@ -178,7 +178,8 @@ def feel_all(
     *,
     on_pass: Callable[[int, Pass], None] = lambda k, order: None,
 ) -> Scan:
-    """Run passes one after the other; `on_pass` is called after each with its number from 1. StageError: one failed."""
+    """Run passes one after the other; `on_pass` is called after each with its number from 1. Raises StageError: one
+    failed."""
     began, felt = datetime.now(UTC).isoformat(timespec="seconds"), []
     for k, order in enumerate(passes, start=1):
         felt.append(session.feel(order))

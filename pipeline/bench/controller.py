@@ -91,8 +91,8 @@ class Sender:
         return (self._query if silent else b"") + b"".join(self._lines[begin : self._sent])
 
     def acknowledges(self, answer: str) -> bool:
-        """Whether an answer is an acknowledgement or a resend request. ValueError: of a line that cannot be sent
-        again."""
+        """Whether an answer is an acknowledgement or a resend request. Raises ValueError: it requests a line that
+        cannot be sent again."""
         if answer.startswith("ok"):
             # each refused line has an `ok` of its own
             self._acknowledged += not self._refused and self._acknowledged < self._sent
@@ -120,8 +120,8 @@ class Controller(ABC):
 
     @abstractmethod
     def connect(self) -> str:
-        """Wait until the controller's moves have ended, and return its greeting. StageError: another firmware, or
-        none."""
+        """Wait until the controller's moves have ended, and return its greeting. Raises StageError: another firmware,
+        or none."""
 
     @abstractmethod
     def sender(self, lines: Sequence[str]) -> Sender:
@@ -133,8 +133,8 @@ class Controller(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop in an emergency: end all moves now, then lift; it needs homing afterwards. StageError: it could not be
-        lifted."""
+        """Stop in an emergency: end all moves now, then lift; it needs homing afterwards. Raises StageError: it could
+        not be lifted."""
 
     def home(self) -> None:
         """Lift, and find the ends of all axes. Raises StageError: homing failed."""
@@ -231,8 +231,8 @@ class Controller(ABC):
             raise self.failed(f"the stage is at {actual} and not at {wanted}")
 
     def lift(self) -> None:
-        """Lift at rest to the travel height, or as far up if the position is unknown. StageError: it could not be
-        lifted."""
+        """Lift at rest to the travel height, or as far up if the position is unknown. Raises StageError: it could not
+        be lifted."""
         s = self.settings
         if self.lost:
             up = ["G91", f"G1Z{s.lift_mm:.3f}F{60.0 * s.rapid_mm_s:.0f}", "G90"]

@@ -142,7 +142,7 @@ class Marlin(Controller):
     _name = ""
 
     def connect(self) -> str:
-        """Wait for the board to boot, start numbering, and ask for its name. StageError: it does not answer like
+        """Wait for the board to boot, start numbering, and ask for its name. Raises StageError: it does not answer like
         Marlin."""
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s

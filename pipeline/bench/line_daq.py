@@ -71,7 +71,7 @@ class LineDaq:
         self._ask("start")
 
     def stop(self) -> Record:
-        """Stop. StageError: it was reset, does not answer, or samples are lost or damaged."""
+        """Stop. Raises StageError: it was reset, does not answer, or samples are lost or damaged."""
         self._port.write(b"stop\n")
         lines = []
         while not (line := self._next(self._settings.answer_s)).startswith("ok"):

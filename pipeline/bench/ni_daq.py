@@ -63,7 +63,7 @@ class NiDaq:
             self._task.start()
 
     def stop(self) -> Record:
-        """Stop sampling and return all samples. StageError: the driver reports an error, such as overwritten
+        """Stop sampling and return all samples. Raises StageError: the driver reports an error, such as overwritten
         samples."""
         from nidaqmx.constants import READ_ALL_AVAILABLE
 

@@ -18,8 +18,8 @@ class SerialPort:
     """An open port."""
 
     def __init__(self, name: str, *, baud: int, what: str) -> None:
-        """Open the port, or socket://HOST:PORT, for exclusive use. MissingExtraError: pyserial. StageError: it cannot
-        be opened."""
+        """Open the port, or socket://HOST:PORT, for exclusive use. Raises MissingExtraError: pyserial is not
+        installed. StageError: it cannot be opened."""
         try:
             import serial
         except ModuleNotFoundError as error:
@@ -61,7 +61,7 @@ class SerialPort:
         return self._lines.popleft()
 
     def answer(self, wanted: re.Pattern[str], *, wait_s: float) -> re.Match[str] | None:
-        """Read lines until one matches, and return the match; None on timeout. StageError: the port is gone."""
+        """Read lines until one matches, and return the match; None on timeout. Raises StageError: the port is gone."""
         until = time.monotonic() + wait_s
         while (left := until - time.monotonic()) > 0.0:
             line = self.line(wait_s=left)

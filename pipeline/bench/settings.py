@@ -147,7 +147,7 @@ class BenchSettings(Strict):
         return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
 
     def touch(self) -> Touch:
-        """The mounted whiskers. FileError: the whisker's file cannot be used."""
+        """The mounted whiskers. Raises FileError: the whisker's file cannot be used."""
         if self.comb.whisker is not None:
             return read_whisker_file(self.comb.whisker).touch
         return default_touch(self.comb.character_height_mm)
@@ -168,8 +168,8 @@ class BenchSettings(Strict):
 
 
 def read_bench(path: Path) -> BenchSettings:
-    """Read bench.toml; the path of a whisker's file is relative to it. FileError: it is missing or no TOML, or has bad
-    keys."""
+    """Read bench.toml; the path of a whisker's file is relative to it. Raises FileError: it is missing or no TOML, or
+    has bad keys."""
     settings = read_toml(path, BenchSettings)
     if settings.comb.whisker is None:
         return settings

@@ -159,7 +159,8 @@ def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettin
 
 
 def check_tokens(settings: ServiceSettings) -> None:
-    """Check that a token exists if callers need one, before workers start. UsageError: none. StoreError: no store."""
+    """Check that a token exists if callers need one, before workers start. Raises UsageError: there is none.
+    StoreError: the store cannot be opened."""
     from pipeline.store.store import Store
 
     if not settings.tokens_asked:
@@ -175,7 +176,7 @@ def check_tokens(settings: ServiceSettings) -> None:
 
 
 def tls_context(settings: ServiceSettings) -> ssl.SSLContext | None:
-    """Load the certificate and its key before anything is started; None without them. UsageError: they cannot be
+    """Load the certificate and its key before anything is started; None without them. Raises UsageError: they cannot be
     used."""
     import ssl
 

@@ -64,7 +64,7 @@ def _console() -> Console:
 
 
 def write_picture(figure: Figure, path: Path) -> None:
-    """Write a picture, and print its path. FileError: it cannot be written."""
+    """Write a picture, and print its path. Raises FileError: it cannot be written."""
     from pipeline.plots.pictures import save_figure
 
     save_figure(figure, path)

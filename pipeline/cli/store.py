@@ -49,7 +49,7 @@ class StoreOptions:
 
     @contextlib.contextmanager
     def open_store(self, *, as_it_is: bool = False) -> Iterator[Store]:
-        """Open the store. StoreError: it cannot be opened."""
+        """Open the store. Raises StoreError: it cannot be opened."""
         from pipeline.store.store import Store
 
         with contextlib.closing(Store.open(self.settings.store_url, as_it_is=as_it_is)) as store:

@@ -127,8 +127,8 @@ def scan(
 
 
 def check_recording(path: Path) -> None:
-    """Check that a recording can have this name and be written. UsageError: the suffix is wrong. FileError: it cannot
-    be."""
+    """Check that a recording can have this name and be written. Raises UsageError: the suffix is wrong. FileError:
+    it cannot be written."""
     if path.suffix.lower() not in SCAN_SUFFIXES:
         raise UsageError(f"{path}: a recording ends in {SCAN_SUFFIXES[0]}")
     check_writable(path)
@@ -137,7 +137,8 @@ def check_recording(path: Path) -> None:
 def scan_actively(
     session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
 ) -> None:
-    """Record the passes that a reader chooses, and print why it stopped. CommandError: no pass could be scanned."""
+    """Record the passes that a reader chooses, and print why it stopped. Raises CommandError: no pass could be
+    scanned."""
     from recognition.active.felt_log import read_and_log
     from recognition.reader import Reader
     from whisker_array.scan.recording import save_scan

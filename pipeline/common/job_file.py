@@ -52,13 +52,14 @@ class JobFile:
 
 
 def read_job_file(path: Path) -> JobFile:
-    """Read a job. FileError: as in `read_keys`; or an invalid name, an unknown or invalid setting, or a missing
+    """Read a job. Raises FileError: as in `read_keys`; or an invalid name, an unknown or invalid setting, or a missing
     file."""
     return job_of(path, *read_keys(path))
 
 
 def read_keys(path: Path) -> tuple[dict[str, Any], str]:
-    """The keys of a job file, not yet checked, and the file's SHA-256. FileError: the file is missing or not TOML."""
+    """The keys of a job file, not yet checked, and the file's SHA-256. Raises FileError: the file is missing or not
+    TOML."""
     return toml_of(path), file_sha256(path)
 
 

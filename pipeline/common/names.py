@@ -17,7 +17,7 @@ class HiddenCharacterError(MarksError):
 
 
 def check_visible(text: str) -> str:
-    """Return the text if it has no hidden character. HiddenCharacterError: it has some."""
+    """Return the text if it has no hidden character. Raises HiddenCharacterError: it has some."""
     if has_hidden(text):
         what = f"{text[:80]!a} has a character that cannot be seen"
         raise HiddenCharacterError(what, hint="type it again without it")
@@ -25,7 +25,7 @@ def check_visible(text: str) -> str:
 
 
 def clean_name(name: str) -> str:
-    """Normalise a name, with single blanks between words. HiddenCharacterError: it has hidden characters."""
+    """Normalise a name, with single blanks between words. Raises HiddenCharacterError: it has hidden characters."""
     return " ".join(unicodedata.normalize("NFKC", check_visible(name)).split())
 
 

@@ -43,7 +43,7 @@ class Strict(BaseModel):
 
 
 def toml_of(path: Path) -> dict[str, Any]:
-    """The table in a TOML file. FileError: it is not a regular file, too long, or not TOML."""
+    """The table in a TOML file. Raises FileError: it is not a regular file, too long, or not TOML."""
     require_file(path, most_bytes=MOST_BYTES)
     try:
         text = path.read_bytes().decode("utf-8-sig")
@@ -82,7 +82,7 @@ def toml_text(table: Mapping[str, Any], name: str = "") -> str:
 
 
 def json_of(text: str | bytes) -> Any:
-    """Parse a JSON text. ValueError: it is not JSON, or nested too deeply."""
+    """Parse a JSON text. Raises ValueError: it is not JSON, or nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError as error:
@@ -176,6 +176,6 @@ def advice(error: ErrorDetails) -> str:
 
 
 def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:
-    """Write a model as TOML without None values; the file appears whole or not at all. FileError: it cannot be
+    """Write a model as TOML without None values; the file appears whole or not at all. Raises FileError: it cannot be
     written."""
     write_text(path, heading + toml_text(model.model_dump(mode="json", exclude_none=True)))

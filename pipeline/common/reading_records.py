@@ -274,7 +274,7 @@ def to_json_bytes(record: Any) -> bytes:
 
 
 def from_json(kind: type[T], data: Any) -> T:
-    """Make a record from the result of `to_json`, or from its JSON text. ValueError: it is no such record."""
+    """Make a record from the result of `to_json`, or from its JSON text. Raises ValueError: it is no such record."""
     adapter = _adapter(kind)
     record: T = adapter.validate_json(data) if isinstance(data, str) else adapter.validate_python(data)
     return record

@@ -41,8 +41,8 @@ def outside_format(text: str, settings: ReadSettings) -> str:
 
 
 def read_lexicon(path: Path) -> frozenset[str]:
-    """The serials in a text file, one per line; a # at the start or after a blank begins a comment. FileError: no such
-    file."""
+    """The serials in a text file, one per line; a # at the start or after a blank begins a comment. Raises
+    FileError: the file is missing, is not text or has no serial."""
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()

@@ -60,7 +60,7 @@ class Settings(BaseModel):
 
     @classmethod
     def of(cls, **given: Any) -> Self:
-        """Make settings from a program's arguments. SettingsError: a setting is unknown or invalid."""
+        """Make settings from a program's arguments. Raises SettingsError: a setting is unknown or invalid."""
         for name in given:
             if name not in cls.model_fields:
                 cls.check_known(name)
@@ -71,7 +71,7 @@ class Settings(BaseModel):
 
     @classmethod
     def check_known(cls, name: str, *, called: str = "", where: str = "") -> None:
-        """Refuse a name that no setting has. SettingsError: its hint lists similar ones."""
+        """Refuse a name that no setting has. Raises SettingsError: its hint lists similar ones."""
         known = list(cls.leaves())
         if name not in known:
             near = difflib.get_close_matches(name.lower(), known, n=2)
@@ -161,7 +161,7 @@ class NamedLine:
 
     @classmethod
     def parse(cls, text: str) -> NamedLine:
-        """Parse the written form. ValueError: the name or format is missing, or the region is invalid."""
+        """Parse the written form. Raises ValueError: the name or format is missing, or the region is invalid."""
         place, sign, written = (piece.strip() for piece in text.partition("="))
         if not (sign and written):
             raise ValueError(f"{text!r} is not a line; write NAME=FORMAT, such as lot=AAA99")
@@ -374,7 +374,7 @@ class ReadSettings(MapSettings, PartSettings):
         return ("tactile", "vision", "fused") if self.mode == "auto" else (self.mode,)
 
     def check_accept_risk(self) -> None:
-        """Check that a sense keeps the accepted risk, if one was set. MarksError: none does: nothing would be
+        """Check that a sense keeps the accepted risk, if one was set. Raises MarksError: none does: nothing would be
         accepted."""
         if "accept_risk" in self.model_fields_set:
             from recognition.decide.risk import require_kept  # slow

@@ -77,7 +77,7 @@ def key_of(description: Mapping[str, Any]) -> str:
 
 
 def file_sha256(path: Path) -> str:
-    """Hash of a file's content, hexadecimal. OSError: it cannot be read."""
+    """Hash of a file's content, hexadecimal. Raises OSError: it cannot be read."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

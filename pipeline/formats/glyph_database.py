@@ -90,7 +90,8 @@ class Exemplar(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GlyphDatabase(OneLine):
-    """Fonts by name (read-only) and exemplars in order of enrolment. MarksError: a font filed under another name."""
+    """Fonts by name (read-only) and exemplars in order of enrolment. Raises MarksError: a font filed under another
+    name."""
 
     fonts: Mapping[str, Font] = field(default_factory=dict)
     exemplars: tuple[Exemplar, ...] = ()
@@ -107,14 +108,15 @@ class GlyphDatabase(OneLine):
 
 
 def save_database(database: GlyphDatabase, path: str | Path) -> None:
-    """Write the database, whole or not at all. FileError: the place cannot be written."""
+    """Write the database, whole or not at all. Raises FileError: the place cannot be written."""
     body = zlib.compress(to_json(database, fallback=_plain))
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(_head(body) + body)
 
 
 def load_database(path: str | Path) -> GlyphDatabase:
-    """Read a database. FileError: it is missing, damaged, cut short, of another kind, or newer than this program."""
+    """Read a database. Raises FileError: it is missing, damaged, cut short, of another kind, or newer than this
+    program."""
     with reading(Path(path), most_bytes=MOST_FILE_BYTES, kind="glyph database"):
         return _unpack(_checked_body(Path(path).read_bytes()))
 

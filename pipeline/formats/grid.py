@@ -255,7 +255,7 @@ class PartMap:
 
 
 def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
-    """Make the map of a file. MarksError: sizes, pitches, units or heights that cannot be used."""
+    """Make the map of a file. Raises MarksError: sizes, pitches, units or heights that cannot be used."""
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)

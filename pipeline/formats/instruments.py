@@ -49,7 +49,7 @@ _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kin
 
 
 def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of a file, through SurfaceTopography. DataError: it cannot be used, or the extra `formats` is
+    """The heights of a file, through SurfaceTopography. Raises DataError: it cannot be used, or the extra `formats` is
     missing."""
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)

@@ -131,7 +131,8 @@ def is_temporary(name: str) -> bool:
 
 
 def is_cut_short(picture: Path) -> bool:
-    """Whether a picture's end is missing, by its first and last bytes, without decoding. OSError: it cannot be read."""
+    """Whether a picture's end is missing, by its first and last bytes, without decoding. Raises OSError: it cannot be
+    read."""
     with picture.open("rb") as stream:
         head, n_bytes = stream.read(HEAD_BYTES), os.fstat(stream.fileno()).st_size
         stream.seek(max(0, n_bytes - TAIL_BYTES))

@@ -171,7 +171,7 @@ def soil_members(soil: Soil) -> dict[str, object]:
 
 
 def write_npz(path: str | Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:
-    """Write a height map; the file appears whole or not at all. FileError: it cannot be written."""
+    """Write a height map; the file appears whole or not at all. Raises FileError: it cannot be written."""
     pitch = np.float64(height_map.pitch_mm)
     arrays = {"z_mm": height_map.z_mm, "pitch_mm": pitch, "rows": np.str_("top-first"), **(more or {})}
     with replacing(Path(path)) as temporary, temporary.open("wb") as stream:

@@ -329,8 +329,8 @@ def _size_of_doubles(path: Path) -> tuple[int, int] | None:
 
 
 def write_photo(path: Path, photo: Photo) -> None:
-    """Write a photograph as PNG of 8 bit with its pixel's size, if known, whole or not at all. FileError: it cannot
-    be."""
+    """Write a photograph as PNG of 8 bit with its pixel's size, if known, whole or not at all. Raises FileError: it
+    cannot be written."""
     from PIL import Image
 
     check_writable(path, (".png",))

@@ -145,7 +145,7 @@ def _text_of(written: str) -> str:
 
 
 def check_serial(line: int, text: str) -> str:
-    """Check a serial of a table. DataError: a spreadsheet has taken it for a number and rounded it."""
+    """Check a serial of a table. Raises DataError: a spreadsheet has taken it for a number and rounded it."""
     if _ROUNDED.fullmatch(text):
         what = f"line {line} holds {text}, a serial that a spreadsheet has rounded"
         raise DataError(what, "format the column as text there, and save the table again")

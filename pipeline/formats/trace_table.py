@@ -72,8 +72,8 @@ class TraceTable:
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
-        """Check that no row (rows, ...) lacks a value or has an overload in its place. DataError: one does; names the
-        first."""
+        """Check that no row (rows, ...) lacks a value or has an overload in its place. Raises DataError: one does;
+        names the first."""
         rows = values.reshape(self.n_rows, -1)
         lost = np.flatnonzero(~(np.abs(rows) < OVERLOAD).all(axis=1))
         if lost.size:

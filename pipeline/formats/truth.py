@@ -160,7 +160,7 @@ def load_truth(path: Path) -> PartTexts:
 def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
     """The lines of a table with the columns part (or file) and text (or serial), in this order without headings.
 
-    FileError: it lacks columns, or repeats a part although `repeated` is off.
+    Raises FileError: it lacks columns, or repeats a part although `repeated` is off.
     """
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         lines = table_lines(path)

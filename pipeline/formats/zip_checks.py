@@ -20,7 +20,8 @@ def check_zip(
 ) -> None:
     """Refuse an archive of too many members, or of too many bytes in those with an ending (lower case).
 
-    DataError: it is refused (without `most_bytes` members are checked later). zipfile.BadZipFile: it is no archive.
+    Raises DataError: it is refused (without `most_bytes` members are checked later). zipfile.BadZipFile: it is no
+    archive.
     """
     with path.open("rb") as stream:
         length = stream.seek(0, 2)

@@ -114,14 +114,14 @@ class Certificate:
 
 
 def write_certificate(certificate: Certificate, path: Path) -> None:
-    """Write a certificate as JSON. FileError: the file cannot be written."""
+    """Write a certificate as JSON. Raises FileError: the file cannot be written."""
     written = TypeAdapter(Certificate).dump_json(certificate, indent=1)
     with replacing(path) as temporary:
         temporary.write_bytes(written + b"\n")
 
 
 def load_certificate(path: Path) -> Certificate:
-    """Load a certificate. FileError: there is no such file, or it is not a certificate of this format."""
+    """Load a certificate. Raises FileError: there is no such file, or it is not a certificate of this format."""
     require_file(path, most_bytes=_MOST_BYTES)
     try:
         made: Certificate = TypeAdapter(Certificate).validate_json(path.read_bytes())
@@ -157,7 +157,8 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
 
 
 def valid_certificate(path: Path) -> Certificate:
-    """Load a certificate. FileError: it is none. SettingsError: it was made with another program or other networks."""
+    """Load a certificate. Raises FileError: it is none. SettingsError: it was made with another program or other
+    networks."""
     made = load_certificate(path)
     differ = differences(made.versions, reader_versions())
     if differ:

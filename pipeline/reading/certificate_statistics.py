@@ -22,8 +22,8 @@ LEAST_PARTS = 20
 
 @dataclass(frozen=True)
 class KindOfParts:
-    """Ascending values of each measure over some parts; for many parts, evenly spaced quantiles. ValueError: they are
-    not."""
+    """Ascending values of each measure over some parts; for many parts, evenly spaced quantiles. Raises ValueError:
+    they are not ascending, or not finite."""
 
     values: Mapping[Measure, tuple[float, ...]]
 

@@ -10,7 +10,7 @@ from recognition.reader import Reader
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
-    """Find the character height by reading the part. MarksError: no characters were found.
+    """Find the character height by reading the part. Raises MarksError: no characters were found.
 
     Dirt makes bands of its own, and only a reading finds the band that is the line.
     """

@@ -52,8 +52,8 @@ _WIDE = 1.96
 def identify_recording(
     recording: Path, piece: Path, whisker: Path | None
 ) -> tuple[Identified, WhiskerFile | None]:
-    """Identify the bench of a recording over a piece; return it and the whisker as drawn. FileError: nothing
-    follows."""
+    """Identify the bench of a recording over a piece; return it and the whisker as drawn. Raises FileError: a file
+    cannot be used, or the recording determines nothing."""
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
         raise FileError(whisker, "is not an L-shaped whisker", "give the drawing of an L-shaped one")
@@ -142,7 +142,8 @@ def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
 
 
 def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
-    """Write the identified whisker, with the drawing's raster and character height. FileError: it cannot be written."""
+    """Write the identified whisker, with the drawing's raster and character height. Raises FileError: it cannot be
+    written."""
     whisker = found.bench.whisker(drawn.whisker)
     touch = found.bench.touch(drawn.whisker)
     write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))

@@ -135,8 +135,8 @@ def reading_of(job: PartJob) -> Reading:
 
 
 def read_part(job: PartJob, reader: Reader) -> ReadPart:
-    """Read a part with its reader, and make all that the job wants. FileError, VerifyError: a file or the expected
-    text."""
+    """Read a part with its reader, and make all that the job wants. Raises FileError, VerifyError: a file or the
+    expected text."""
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.scan_plan import plan_of
@@ -232,7 +232,7 @@ def _reader_of_listed(job: PartJob) -> Reader:
 
 
 def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
-    """Contents of the files named in the settings, by name, for machines that may not have them. FileError: see
+    """Contents of the files named in the settings, by name, for machines that may not have them. Raises FileError: see
     `require_file`."""
     named = files_of(settings)
     for path in named:
@@ -322,13 +322,14 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
 
 
 def check_settings(settings: ReadSettings) -> None:
-    """Open the reader of these settings, to find errors before the next part. OwnFileError: a file of theirs."""
+    """Open the reader of these settings, to find errors before the next part. Raises OwnFileError: a file that they
+    name cannot be used."""
     _own_reader(PartJob(settings=settings))
 
 
 def _own_reader(job: PartJob) -> Reader:
-    """The reader of a job of the service, with a time limit. OwnFileError: it cannot be opened; all its files are
-    ours."""
+    """The reader of a job of the service, with a time limit. Raises OwnFileError: it cannot be opened; all its files
+    are ours."""
     if job.settings.limit_s is None:
         job = replace(job, settings=job.settings.model_copy(update={"limit_s": SENT_LIMIT_S}))
     try:

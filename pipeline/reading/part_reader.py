@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 def senses_of(part: PartFiles, mode: str) -> tuple[bool, bool]:
-    """Whether touch reads a part, and whether vision does. FileError: a file that the mode needs is missing."""
+    """Whether touch reads a part, and whether vision does. Raises FileError: a file that the mode needs is missing."""
     tactile, visual = part.felt, bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
     if mode in ("tactile", "fused") and not tactile:

@@ -83,7 +83,7 @@ def open_reader(settings: ReadSettings) -> Reader:
 
 
 def virtual_array(settings: ReadSettings) -> VirtualArray:
-    """The array that feels height maps. FileError: the whisker's file cannot be used."""
+    """The array that feels height maps. Raises FileError: the whisker's file cannot be used."""
     from pipeline.formats.whisker_file import read_whisker_file
     from recognition.see.virtual_array import VirtualArray
     from whisker_array.scan.sensor import Sensors
@@ -133,7 +133,8 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
 
 
 def check_line(line_format: str, text: str) -> tuple[str, ...]:
-    """Reasons why a text does not match a format, in words; empty if it matches. FormatError: an invalid format."""
+    """Reasons why a text does not match a format, in words; empty if it matches. Raises FormatError: an invalid
+    format."""
     from recognition.language.grammar import Grammar
 
     return Grammar.parse(line_format).objections(text)

@@ -110,7 +110,7 @@ class Journal(Generic[Stored]):
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the journal in a folder, and close it. FileError: there is no journal."""
+        """Read the journal in a folder, and close it. Raises FileError: there is no journal."""
         path = folder / cls.file
         if not path.is_file():
             raise FileError(path, "is not there", f"name the folder of a {cls.kind} (--out)")
@@ -310,8 +310,8 @@ def resumable(
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
-    """Rename a file of an earlier run to NAME~ and return that name; one with only a header is deleted. OSError: the
-    disk."""
+    """Rename a file of an earlier run to NAME~ and return that name; one with only a header is deleted. Raises
+    OSError: the disk refuses."""
     if not path.exists() or path.stat().st_size <= len(head):
         path.unlink(missing_ok=True)
         return None
@@ -322,7 +322,7 @@ def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Name an output in errors of the disk; the same command resumes the run. FileError: the disk refuses."""
+    """Name an output in errors of the disk; the same command resumes the run. Raises FileError: the disk refuses."""
     try:
         yield
     except FileError as problem:

@@ -40,7 +40,7 @@ MOST_SHOWN = 200
 def parts_for(
     inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = (), recurse: bool = True
 ) -> Listing:
-    """List the parts of a command line that its mode can read. FileError: a manifest cannot be used."""
+    """List the parts of a command line that its mode can read. Raises FileError: a manifest cannot be used."""
     return discover(
         inputs,
         manifests=manifests,

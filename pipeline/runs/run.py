@@ -61,8 +61,8 @@ class Run:
     def work(self, parts: Sequence[PartFiles], job: PartJob, executor: Executor) -> None:
         """Read every part that the journal lacks, and export the table in the order of the parts.
 
-        Without a table the journal stays until the caller that opened the run is done. FileError, ClusterError: it
-        ends.
+        Without a table the journal stays until the caller that opened the run is done. Raises FileError, ClusterError:
+        it ends.
         """
         if self.watch is not None and self.journal.resumed:
             for read in self.journal.latest(self.watch.window):

@@ -50,7 +50,7 @@ class LineForm:
 
 
 def write_table(lines: Iterable[bytes], path: Path) -> None:
-    """Write a table from its lines; the file appears whole or not at all. FileError: it cannot be written."""
+    """Write a table from its lines; the file appears whole or not at all. Raises FileError: it cannot be written."""
     with replacing(path) as temporary:
         if not grows(path):
             _write_parquet(lines, temporary)
@@ -80,7 +80,7 @@ def _csv_line(record: ReadingRecord) -> str:
 
 
 def csv_cells(record: ReadingRecord) -> list[Any]:
-    """The cells of a record's row. ValueError: a number that is not finite, or a text that is too long."""
+    """The cells of a record's row. Raises ValueError: a number that is not finite, or a text that is too long."""
     return [_fitting(cell, record.part) for cell in row_of(record).values()]
 
 

@@ -46,7 +46,7 @@ _UNSAFE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def check_number(path: Path, parts: int) -> None:
-    """Refuse, before the work starts, more parts than a workbook can hold. FileError: there are more."""
+    """Refuse, before the work starts, more parts than a workbook can hold. Raises FileError: there are more."""
     if path.suffix.lower() == WORKBOOK and parts > MOST_PARTS:
         raise FileError(
             path, f"can hold {MOST_PARTS:,} parts, but there are {parts:,}", "end it in .csv or .parquet"

@@ -141,8 +141,8 @@ class Ports:
 
     @contextlib.asynccontextmanager
     async def opened(self) -> AsyncIterator[None]:
-        """Open the inputs and send waiting results; on leaving, running work may finish. OSError: an address is not
-        available."""
+        """Open the inputs and send waiting results; on leaving, running work may finish. Raises OSError: an address is
+        not available."""
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
             # threads add results and reviews as well
@@ -376,7 +376,7 @@ class Service:
 
 
 def check_folder(settings: ServiceSettings) -> Path:
-    """Make the service's folder, with subfolders for glyph databases and jobs. FileError: it cannot be made."""
+    """Make the service's folder, with subfolders for glyph databases and jobs. Raises FileError: it cannot be made."""
     try:
         private_folder(settings.folder)
         settings.databases_folder.mkdir(exist_ok=True)

@@ -78,8 +78,8 @@ class Touch(StrEnum):
 
 @dataclass(frozen=True)
 class NewPart:
-    """A part beside its files; an empty database or job is the service's own. HiddenCharacterError: in name or expected
-    text."""
+    """A part beside its files; an empty database or job is the service's own. Raises HiddenCharacterError: its name
+    or expected text has hidden characters."""
 
     name: str = ""
     expected: str = ""
@@ -113,8 +113,8 @@ class Intake:
     def __init__(
         self, settings: ServiceSettings, *, store: Store, evidence: EvidenceFolder, calls: WorkerCalls
     ) -> None:
-        """Make stage, camera, queue and serial rules. FileError, SettingsError: an order, folder or driver cannot be
-        used."""
+        """Make stage, camera, queue and serial rules. Raises FileError, SettingsError: an order, folder or driver
+        cannot be used."""
         stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics
@@ -282,7 +282,7 @@ class Intake:
         return await self.touch((await self.look_up(part)).id, call)
 
     async def look_up(self, part: str) -> PartRecord:
-        """The part with an id, or the latest one with a name. NotFoundError: there is none."""
+        """The part with an id, or the latest one with a name. Raises NotFoundError: there is none."""
         if is_part_id(part):
             return await asyncio.to_thread(self.store.part, part)
         return await asyncio.to_thread(self.store.latest_named, clean_name(part))

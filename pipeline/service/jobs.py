@@ -60,7 +60,7 @@ class RecentFiles:
         return files
 
     def find(self, name: str) -> Path:
-        """The file of a name. OwnProblem: it was there lately, and is away. Problem: there is none."""
+        """The file of a name. Raises OwnProblem: it was there lately, and is away. Problem: there is none."""
         files = self.files()
         if name in files:
             return files[name]
@@ -89,7 +89,7 @@ class GlyphDatabases(RecentFiles):
     """Glyph databases by name; looked up on every use, so that one may be added while the service runs."""
 
     def __init__(self, folder: Path, *, default: Path | None = None) -> None:
-        """SettingsError: the database of parts that name none is not there."""
+        """Raises SettingsError: the database of parts that name none is not there."""
         super().__init__(folder, ".glyphs", "glyph database")
         self._default = default
         if default is not None and not default.is_file():
@@ -169,7 +169,7 @@ class JobFolder(RecentFiles):
         self.call = call
 
     def settings(self, name: str) -> ReadSettings:
-        """Reading settings of a job. OwnProblem: its file is missing or cannot be used. Problem: no job has that
+        """Reading settings of a job. Raises OwnProblem: its file is missing or cannot be used. Problem: no job has that
         name."""
         return self._job(name).settings
 
@@ -249,8 +249,8 @@ class JobFolder(RecentFiles):
         return new
 
     def delete(self, name: str) -> None:
-        """Delete a job. Problem: 404 without one, 409 if the watched folder uses it. OSError: its file cannot be
-        removed."""
+        """Delete a job. Raises Problem: 404 without one, 409 if the watched folder uses it. OSError: its file cannot
+        be removed."""
         path = self.files().get(name)
         if path is None:
             raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")

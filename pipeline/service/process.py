@@ -35,7 +35,8 @@ class ServiceProcess:
 
 @contextlib.contextmanager
 def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
-    """Start `tactile-marks serve` on a free port; on leaving, end it. NotServingError: it is not ready to read in time.
+    """Start `tactile-marks serve` on a free port; on leaving, end it. Raises NotServingError: it is not ready to read
+    in time.
 
     Its log is `service.log` in the folder.
     """

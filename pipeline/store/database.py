@@ -54,7 +54,8 @@ class JsonText(str):
 
 
 def json_text(value: Any) -> JsonText:
-    """Write a value as JSON, once; characters that databases cannot hold are replaced. UnfitError: it is no JSON."""
+    """Write a value as JSON, once; characters that databases cannot hold are replaced. Raises UnfitError: it is no
+    JSON."""
     if isinstance(value, JsonText):
         return value
     dumps = functools.partial(json.dumps, allow_nan=False, separators=(",", ":"))
@@ -145,7 +146,7 @@ class Database:
 
     @contextlib.contextmanager
     def read_transaction(self) -> Iterator[Transaction]:
-        """Begin a transaction that changes nothing. StoreError: the database cannot be reached."""
+        """Begin a transaction that changes nothing. Raises StoreError: the database cannot be reached."""
         # SQLite's transactions see one moment anyway
         options = {"isolation_level": "REPEATABLE READ"} if self._writer is None else {}
         with _store_errors(self.shown), self._connect() as connection:
@@ -153,8 +154,8 @@ class Database:
 
     @contextlib.contextmanager
     def write_transaction(self) -> Iterator[Transaction]:
-        """Begin a transaction that the end of the block commits and an exception rolls back. StoreError: no answer in
-        time."""
+        """Begin a transaction that the end of the block commits and an exception rolls back. Raises StoreError: no
+        answer in time."""
         try:
             with self._write_transaction() as tx:
                 yield tx

@@ -57,7 +57,7 @@ class UnfitError(StoreError):
 
 
 def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:
-    """The text, if it can be stored. UnfitError: it is too long, or has characters that no database holds."""
+    """The text, if it can be stored. Raises UnfitError: it is too long, or has characters that no database holds."""
     if len(text) > limit:
         raise UnfitError(f"{what} has {len(text)} characters", hint=f"give at most {limit}")
     if _UNFIT.search(text):

@@ -65,7 +65,7 @@ class EvidenceFolder:
     disk."""
 
     def __init__(self, root: Path) -> None:
-        """Make the folder if it is missing. FileError: it cannot be made."""
+        """Make the folder if it is missing. Raises FileError: it cannot be made."""
         self.root = root
         self.incoming = root / "incoming"
         self._files = root / "files"
@@ -78,8 +78,8 @@ class EvidenceFolder:
         self._synced: set[Path] = set()
 
     def check_is_that_of(self, store: Store) -> None:
-        """Check that it is the folder of all services that share the store. FileError: the store's files are in another
-        one."""
+        """Check that it is the folder of all services that share the store. Raises FileError: the store's files are in
+        another one."""
         file = self.root / "identity"
         with file_errors(file), exclusively(self._lock):
             if not file.exists():
@@ -139,7 +139,7 @@ class EvidenceFolder:
                 Path(name).unlink(missing_ok=True)
 
     def path(self, sha256: str) -> Path:
-        """Path for the file with that hash, whether it exists or not. ValueError: no hash."""
+        """Path for the file with that hash, whether it exists or not. Raises ValueError: no hash."""
         if _HASH.fullmatch(sha256) is None:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
@@ -166,8 +166,8 @@ class EvidenceFolder:
         return tuple(paths)
 
     def take(self, sha256: str, other: EvidenceFolder) -> FileState:
-        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`).
-        FileError: disk."""
+        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`). Raises
+        FileError: it cannot be written."""
         target = self.path(sha256)
         if self.state(sha256) is FileState.WHOLE:
             return FileState.WHOLE
@@ -185,8 +185,8 @@ class EvidenceFolder:
         return state
 
     def check_room(self) -> None:
-        """Check that a file can be written, synced and removed, with some room beyond it. FileError: it cannot, and
-        why."""
+        """Check that a file can be written, synced and removed, with some room beyond it. Raises FileError: it cannot,
+        and why."""
         with file_errors(self.root):
             if shutil.disk_usage(self.incoming).free < LEAST_ROOM_BYTES:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -196,7 +196,8 @@ class EvidenceFolder:
                 os.fsync(probe.fileno())
 
     def new_work_folder(self) -> Path:
-        """Make a new folder in `incoming` for one request; the caller removes it. FileError: it cannot be made."""
+        """Make a new folder in `incoming` for one request; the caller removes it. Raises FileError: it cannot be
+        made."""
         with file_errors(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
@@ -279,7 +280,7 @@ class SweepClock:
     _before: tuple[float, float] | None = field(default=None, init=False)
 
     def may_sweep(self, newest: datetime | None) -> bool:
-        """Whether to sweep now; if so, the time is recorded. OSError: it cannot be.
+        """Whether to sweep now; if so, the time is recorded. Raises OSError: it cannot be.
 
         Before the first sweep the clock is judged by `newest`, the time of the latest part.
         """

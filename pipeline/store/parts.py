@@ -99,7 +99,7 @@ def add_part(
     line: str = "",
     **added: Unpack[Added],
 ) -> PartRecord:
-    """Add a part, with an id of `new_part_id`, and its readings. AlreadyDoneError, ConflictError: key or id is
+    """Add a part, with an id of `new_part_id`, and its readings. Raises AlreadyDoneError, ConflictError: key or id is
     taken."""
     if not is_part_id(part_id):
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
@@ -127,7 +127,7 @@ def add_part(
 
 
 def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
-    """Add later readings of a part. AlreadyDoneError: the key is taken. ConflictError: the part was reviewed
+    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: the part was reviewed
     meanwhile."""
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
@@ -216,7 +216,8 @@ def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waitin
 
 
 def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
-    """Send a part that was not felt to review; a scan may still be sent. ConflictError: it does not wait for touch."""
+    """Send a part that was not felt to review; a scan may still be sent. Raises ConflictError: it does not wait for
+    touch."""
     part = part_by_id(tx, part_id, lock=True)
     if part.state is not PartState.TOUCH_NEEDED:
         what = f"the part {part_id} does not wait for touch; it is {part.state.value}"

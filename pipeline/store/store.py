@@ -48,7 +48,7 @@ class Store(Database):
     """Parts and all that belongs to them; events of a part are added, never changed.
 
     Every method is one transaction: when a writing one returns, its changes are on the disk; if it raises, nothing has
-    changed. StoreError: the database does not answer. UnfitError (a StoreError): a value cannot be stored.
+    changed. Raises StoreError: the database does not answer. UnfitError (a StoreError): a value cannot be stored.
     NotFoundError: no such part or token.
     """
 

@@ -236,7 +236,7 @@ def _other_program(worker: str) -> str:
 
 
 def require_distributed() -> None:
-    """Check that the library is installed. MissingExtraError: the extra `cluster` is not."""
+    """Check that the library is installed. Raises MissingExtraError: it is not."""
     if find_spec("distributed") is None:
         raise MissingExtraError("a cluster", "distributed", "cluster")
 

@@ -42,7 +42,7 @@ class WorkerSettings(PoolSettings):
     def opened(
         self, parts: int | None = None, *, limit_s: float | None = None
     ) -> AbstractContextManager[Executor]:
-        """Open the executor. ClusterError: the cluster cannot be used.
+        """Open the executor. Raises ClusterError: the cluster cannot be used.
 
         Args:
             parts: number of parts; None if not known yet.
@@ -60,7 +60,7 @@ class WorkerSettings(PoolSettings):
 
 
 def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call a function that opens a user's files in a separate process, since a file may crash it. MarksError: it
+    """Call a function that opens a user's files in a separate process, since a file may crash it. Raises MarksError: it
     did."""
     with WorkerSettings(jobs=1).opened() as executor:
         try:

@@ -79,7 +79,7 @@ class WorkPool(Executor):
         warm_up: Callable[[], object] = bool,
         at_once: bool = True,
     ) -> None:
-        """Start the workers; they warm up in the background, see `ready`. SettingsError: invalid numbers.
+        """Start the workers; they warm up in the background, see `ready`. Raises SettingsError: invalid numbers.
 
         Args:
             queue: maximum number of waiting jobs (default: enough to keep the workers busy).

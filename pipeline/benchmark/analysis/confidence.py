@@ -37,8 +37,8 @@ class Reliability:
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: int = BINS) -> Reliability:
-    """Compute the diagram with bins of equal width, each closed above. ValueError: a confidence is not between 0 and
-    1."""
+    """Compute the diagram with bins of equal width, each closed above. Raises ValueError: a confidence is not between 0
+    and 1."""
     sure, is_right = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
     if sure.shape != is_right.shape:
         raise ValueError(f"{sure.size} confidences for {is_right.size} readings")
@@ -80,7 +80,7 @@ class RiskCoverage:
 
 
 def risk_coverage(confidences: Sequence[float], right: Sequence[bool]) -> RiskCoverage:
-    """Compute the curve over readings, the most certain first. ValueError: the lengths differ."""
+    """Compute the curve over readings, the most certain first. Raises ValueError: the lengths differ."""
     sure, wrong = np.asarray(confidences, dtype=np.float64), ~np.asarray(right, dtype=bool)
     if sure.shape != wrong.shape:
         raise ValueError(f"{sure.size} confidences for {wrong.size} readings")

@@ -45,8 +45,8 @@ _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str:
 def sketch_part(
     format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
 ) -> Part:
-    """Sketch a random serial as a part; dirt and photograph are those of stamped parts. FontError, FormatError: it
-    cannot be."""
+    """Sketch a random serial as a part; dirt and photograph are those of stamped parts. Raises FontError,
+    FormatError: it cannot be stamped."""
     key = tuple(int(number) for number in seed)
     rng = np.random.default_rng(key)
     letters, text = load_font(font), random_text(format, rng=rng)

@@ -62,8 +62,8 @@ class ListedParts:
 
     @classmethod
     def of_table(cls, table: Path) -> ListedParts:
-        """The parts of a CSV with the columns part and text; every other column is a factor. FileError: the table is
-        not one."""
+        """The parts of a CSV with the columns part and text; every other column is a factor. Raises FileError: it
+        lacks columns, or holds answers instead."""
         known = []
         for number, line in enumerate(load_part_lines(table)):
             if column := next((name for name in _ANSWER_COLUMNS if name in line.others), ""):

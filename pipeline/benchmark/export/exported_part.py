@@ -51,7 +51,8 @@ _MOST = ZERO - 1
 
 
 def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Make a part; its label, and the contents of its files by path. MarksError: it cannot be made or photographed."""
+    """Make a part; its label, and the contents of its files by path. Raises MarksError: it cannot be made or
+    photographed."""
     specimen = parts.make(item)
     height_mm = parts.spec(item.condition).height_mm
     with tempfile.TemporaryDirectory() as scratch:
@@ -178,8 +179,8 @@ def step_of(values: NDArray[np.floating]) -> float:
 def write_layer(
     path: Path, values: NDArray[np.floating], *, unit: str, pitch_mm: float, origin_mm: tuple[float, float]
 ) -> float:
-    """Write a map (rows, cols), NaN where unknown, as PNG, whole or not at all; return its step. FileError: it cannot
-    be."""
+    """Write a map (rows, cols), NaN where unknown, as PNG, whole or not at all; return its step. Raises FileError:
+    it cannot be written."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 

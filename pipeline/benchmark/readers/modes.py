@@ -49,7 +49,8 @@ def rules() -> dict[str, ReadingFlag | Measure]:
 
 
 def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Reading]:
-    """A function that decides on the evidence of a reading without one rule. SettingsError: no such rule; lists all."""
+    """A function that decides on the evidence of a reading without one rule. Raises SettingsError: there is no such
+    rule; the hint lists all."""
     known = rules()
     if name not in known:
         what = f"there is no rule {name!r} to leave out"

@@ -82,7 +82,7 @@ class ExamPart:
 
 
 def own_mode(name: str, settings: ReaderSettings) -> Mode:
-    """Make a mode from a user's function. SettingsError: there is no such function."""
+    """Make a mode from a user's function. Raises SettingsError: there is no such function."""
     function: Any = load_named(name, what="reader", error=SettingsError)
     if not callable(function):
         raise SettingsError(f"the reader {name!r} is not a function", hint="name one that takes a part")

@@ -175,7 +175,7 @@ class TcpPort:
         self._log = SparingLog("TCP port")
 
     async def start(self) -> dict[str, object]:
-        """Listen; returns where. OSError: the address is not available."""
+        """Listen; returns where. Raises OSError: the address is not available."""
         limit = 2 * self._limits.line_bytes
         self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
         self.port = self._server.sockets[0].getsockname()[1]

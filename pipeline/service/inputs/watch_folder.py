@@ -100,7 +100,7 @@ class WatchedFolder:
     title = "watched folder"
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Watch the folder of the settings, and read `at_once` parts at a time. FileError: no such folder."""
+        """Watch the folder of the settings, and read `at_once` parts at a time. Raises FileError: no such folder."""
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
@@ -148,8 +148,8 @@ class WatchedFolder:
         return True
 
     async def look(self) -> float:
-        """Look once, and submit what is complete; returns the seconds of the look. StoreError: the store does not
-        answer."""
+        """Look once, and submit what is complete; returns the seconds of the look. Raises StoreError: the store does
+        not answer."""
         limit = asyncio.Semaphore(self._at_once)
 
         async def take(part: WatchedPart) -> None:

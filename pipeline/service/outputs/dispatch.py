@@ -109,10 +109,10 @@ class Sender(Protocol):
     """Send deliveries to one target."""
 
     async def ping(self) -> bool:
-        """Check the target while there is nothing to send. DeliveryError: it is away."""
+        """Check the target while there is nothing to send. Raises DeliveryError: it is away."""
 
     async def send(self, delivery: Delivery) -> None:
-        """Return once the target has the delivery. DeliveryError: it has not arrived, or may not have."""
+        """Return once the target has the delivery. Raises DeliveryError: it has not arrived, or may not have."""
 
     async def close(self) -> None:
         """Disconnect from the target."""

@@ -104,7 +104,7 @@ class MqttSender:
         self._calling: set[asyncio.Task[None]] = set()
 
     async def ping(self) -> bool:
-        """Stay connected, so that the status is online although there is nothing to publish. DeliveryError: no
+        """Stay connected, so that the status is online although there is nothing to publish. Raises DeliveryError: no
         broker."""
         await self._connect()
         return True
@@ -232,7 +232,7 @@ class MqttConnection:
         self._most_bytes = 0
 
     async def open(self) -> None:
-        """Connect. DeliveryError: no broker there, or it refuses the connection."""
+        """Connect. Raises DeliveryError: no broker there, or it refuses the connection."""
         try:
             await asyncio.to_thread(self._client.connect, self._host, self._port, KEEPALIVE_S)
         except (OSError, ValueError) as error:

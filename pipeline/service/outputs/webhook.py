@@ -55,8 +55,8 @@ class WebhookSender:
     """Post deliveries to a web address."""
 
     def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
-        """`timeout_s`: of one delivery, from connecting to the answer's end. SettingsError: a whsec_ secret that is no
-        base64."""
+        """`timeout_s`: of one delivery, from connecting to the answer's end. Raises SettingsError: a whsec_ secret that
+        is no base64."""
         import httpx
 
         self._url, self._secret, self._timeout_s = settings.url, settings.secret, timeout_s
@@ -70,7 +70,7 @@ class WebhookSender:
         return False
 
     async def send(self, delivery: Delivery) -> None:
-        """Post a delivery. DeliveryError: no answer, or none that says it has arrived."""
+        """Post a delivery. Raises DeliveryError: no answer, or none that says it has arrived."""
         import httpx
 
         body, stamp = body_of(delivery), int(time.time())

@@ -72,7 +72,8 @@ class Frame:
         )
 
     def reader_view(self, request: Request) -> View:
-        """The view of a caller with the right to look. DeniedError: the token is missing or does not allow it."""
+        """The view of a caller with the right to look. Raises DeniedError: the token is missing or does not allow
+        it."""
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:

@@ -99,7 +99,8 @@ class Camera(Protocol):
     """Take photographs of parts."""
 
     def take(self, part_name: str) -> Path | Sequence[Path]:
-        """Photograph the part that lies under the camera, once or under several lights. StageError: no photograph."""
+        """Photograph the part that lies under the camera, once or under several lights. Raises StageError: no
+        photograph."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,8 @@ class FolderCamera:
     early_s: float = 0.0
 
     def pictures(self, part_name: str) -> dict[Path, FileStamp]:
-        """The part's photographs at one look, one named as the part before a set. StageError: a name that cannot be a
-        file's."""
+        """The part's photographs at one look, one named as the part before a set. Raises StageError: a name that cannot
+        be a file's."""
         return {path: stamp_of(path.stat()) for path in _files_of(self.folder, part_name, PHOTO_SUFFIXES)}
 
     def missing(self, part_name: str, *, older: bool, waited_s: float) -> StageError:
@@ -200,7 +201,8 @@ class BenchStage:
 
 
 def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionStage[ScanOrder] | None:
-    """The stage of the service; None if it has none. FileError, SettingsError: no such folder, bench file or driver."""
+    """The stage of the service; None if it has none. Raises FileError, SettingsError: no such folder, bench file or
+    driver."""
     if not settings.device:
         return None
     if is_driver(settings.device):
@@ -215,7 +217,7 @@ def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionS
 
 
 def camera_of(settings: CameraSettings) -> Camera | FolderCamera | None:
-    """The camera of the service; None if it has none. FileError, SettingsError: no such folder or driver."""
+    """The camera of the service; None if it has none. Raises FileError, SettingsError: no such folder or driver."""
     if not settings.device:
         return None
     if is_driver(settings.device):
@@ -230,8 +232,8 @@ def is_driver(device: str) -> bool:
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
-    """Make a driver by calling "module:callable"; it must have one of the methods `verbs`. SettingsError: it cannot be
-    made."""
+    """Make a driver by calling "module:callable"; it must have one of the methods `verbs`. Raises SettingsError: it
+    cannot be made."""
     driver = load_named(named, what="driver", error=SettingsError)()
     if not any(callable(getattr(driver, verb, None)) for verb in verbs):
         wanted = " or ".join(map(repr, verbs))
@@ -248,8 +250,8 @@ def _there(folder: Path, what: str) -> Path:
 
 
 def _files_of(folder: Path, part_name: str, suffixes: Sequence[str]) -> Sequence[Path]:
-    """The part's files in the folder, those of its set last; never a file elsewhere. StageError: the name cannot be a
-    file's."""
+    """The part's files in the folder, those of its set last; never a file elsewhere. Raises StageError: the name cannot
+    be a file's."""
     if not part_name:
         raise StageError("the part has no name", "give the name of its file without the ending")
     plain = part_name.isprintable() and len(part_name.encode()) <= _LONGEST_NAME

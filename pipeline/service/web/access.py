@@ -70,8 +70,8 @@ class Access:
         return self.required or bool(getattr(request.state, "other_user", False))
 
     def caller(self, request: HTTPConnection, *scopes: Scope) -> Caller:
-        """The caller, if the request is allowed with one of the scopes. DeniedError: no token, or none that holds with
-        a scope."""
+        """The caller, if the request is allowed with one of the scopes. Raises DeniedError: no token, or none that
+        holds with a scope."""
         record: TokenRecord | None = getattr(request.state, "token", None)
         if record is None:
             try:
@@ -86,7 +86,7 @@ class Access:
         return Caller(record.scopes, record.name)
 
     def token_of(self, request: HTTPConnection) -> TokenRecord:
-        """The token of a request. DeniedError: it has none, or one that does not hold."""
+        """The token of a request. Raises DeniedError: it has none, or one that does not hold."""
         kind, _, secret = request.headers.get("authorization", "").partition(" ")
         bearer, cookie = kind.lower() == "bearer", request.cookies.get(COOKIE, "")
         if not (bearer or cookie):
