@@ -40,9 +40,7 @@ _SOIL_STREAM, _PHOTO_STREAM, _LAYOUT_STREAM, _NOISE_STREAM = 1, 2, 3, 4
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A stamped part, clean or dirty; dirt draws from (*seed, 1), the photograph from (*seed, 2), a layout from (*seed,
-    3).
-    """
+    """A stamped part; dirt draws from (*seed, 1), a photograph from (*seed, 2), a layout from (*seed, 3)."""
 
     stamped: StampedPart
     soiling: Soiling
@@ -92,9 +90,7 @@ class Part:
     ) -> Photo:
         """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt.
 
-        Args:
-            lights: number of photographs, with the lamp at even angles all round; those after the first become the
-                `others` of the first.
+        Of several `lights`, at even angles all round, those after the first become its `others`. Raises MapError.
         """
         rng = self._rng(_PHOTO_STREAM)
         drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)

@@ -36,6 +36,7 @@ Matrix = NDArray[np.float64]
 @dataclass(frozen=True, eq=False, repr=False)
 class TipModel(OneLine):
     """Compliance D11, mm/N, of the tip in world axes, and moment arm of the sensor: all that contact needs.
+
     `moment_arm_mm` (3,) is the third row of T1: m = moment_arm_mm . f.
     """
 
