@@ -40,7 +40,7 @@ ShareBelowOne = Annotated[float, Range(0.0, math.nextafter(1.0, 0.0))]
 
 
 def require_range(error: Callable[..., MarksError], limits: Range, **numbers: object) -> None:
-    """Check numbers, also those in tuples, and raise `error` if one is not finite or out of range."""
+    """Check numbers, also in tuples. Raises `error`: one is not finite or out of range."""
     least, most, hint = limits
     for name, value in numbers.items():
         for number in value if isinstance(value, tuple) else (value,):

@@ -44,7 +44,7 @@ LEFT_OUT = "photograph {} does not show what the first one shows; it was left ou
 
 
 class VisionReader:
-    """Makes evidence of photographs; keeps prototypes of fonts between them."""
+    """Makes evidence of photographs; keeps prototypes of fonts between them. Raises FontError or MarksError."""
 
     def __init__(self, settings: ReaderSettings | None = None) -> None:
         self.settings = settings if settings is not None else ReaderSettings()

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class Reader:
-    """Reads parts one after the other; each sense keeps its templates between them.
+    """Reads parts one after the other. Raises FontError, FormatError, TypeError or ValueError.
 
     Example::
 

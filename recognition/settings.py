@@ -48,7 +48,7 @@ class ReaderOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ReaderSettings:
-    """Settings of a reader.
+    """Settings of a reader. Raises FormatError, MarksError or ValueError.
 
     Attributes:
         fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared with

@@ -47,7 +47,7 @@ from whisker_array.simulation.traces import SampleFlag
 
 
 class TactileReader:
-    """Makes evidence of scans; keeps fonts and predicted templates between them."""
+    """Makes evidence of scans; keeps fonts and predicted templates between them. Raises FontError."""
 
     def __init__(self, settings: ReaderSettings | None = None) -> None:
         self.settings = settings if settings is not None else ReaderSettings()

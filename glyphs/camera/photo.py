@@ -14,7 +14,7 @@ from glyphs.surface.maps import MAX_PIXELS, MapError, read_only_copy
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Photo(OneLine, Validated, error=MapError):
-    """A photograph, row 0 at the top.
+    """A photograph, row 0 at the top. Raises MapError.
 
     Attributes:
         pixels: (rows, cols) or (rows, cols, 3) uint8 or uint16, read-only; colours are red, green, blue, and the

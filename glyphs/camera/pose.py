@@ -22,7 +22,7 @@ DEFAULT_PIXEL_MM = 0.06
 
 @dataclass(frozen=True, repr=False)
 class Camera(OneLine, Validated, error=MapError):
-    """A camera straight above a plate.
+    """A camera straight above a plate. Raises MapError.
 
     Attributes:
         shift_mm: (x, y) offset of the part from its nominal position.

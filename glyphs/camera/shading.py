@@ -28,7 +28,7 @@ from glyphs.surface.noise import Field
 
 @dataclass(frozen=True, repr=False)
 class Light(OneLine, Validated, error=MapError):
-    """Light on a part.
+    """Light on a part. Raises MapError.
 
     Attributes:
         azimuth_deg: azimuth of the lamp in the plate frame: 0 at the right (+x), 90 below (+y), 270 above.

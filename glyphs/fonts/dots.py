@@ -27,7 +27,7 @@ _PIXELS = 80
 
 
 def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
-    """Make a dotted font with capitals, digits and a text's characters; each dot is a stroke of one point."""
+    """Make a dotted font with capitals, digits and the characters of a text. Raises FontError."""
     kind, chars = rng.random(), sorted({*text, *SERIAL_CHARACTERS})
     if kind < 0.4 and all(char in _MATRIX or char == " " for char in text):
         across = float(rng.uniform(0.75, 1.15)) / 6

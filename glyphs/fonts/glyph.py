@@ -67,7 +67,7 @@ def _checked_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Glyph(OneLine, Validated, error=FontError):
-    """The shape of one character in the glyph frame.
+    """The shape of one character in the glyph frame. Raises FontError.
 
     Attributes:
         strokes: open polylines (n, 2), n >= 1 (one point is a dot); empty for an outline glyph.
@@ -132,7 +132,7 @@ class Glyph(OneLine, Validated, error=FontError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Font(OneLine, Validated, error=FontError):
-    """A set of glyphs, with the ratio of nominal stroke width to cap height; 0.0 for outline fonts."""
+    """A set of glyphs; ratio of nominal stroke to cap height, 0.0 for outline fonts. Raises FontError."""
 
     name: str
     glyphs: Mapping[str, Glyph]
@@ -167,7 +167,7 @@ class Font(OneLine, Validated, error=FontError):
 
 
 def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
-    """Refit a glyph's centre lines so that ink of width `stroke` (cap heights) keeps its height; contours stay."""
+    """Refit a stroke glyph's centre lines to another stroke, cap heights; its height stays. Raises FontError."""
     if glyph.contours or stroke == glyph.stroke:
         return glyph
     narrow = Range(0.0, math.nextafter(1.0, 0.0), "use a narrower stroke or larger type")

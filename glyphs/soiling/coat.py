@@ -27,7 +27,7 @@ _STEEL_ROUGHNESS = 0.34
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Look(OneLine):
-    """Optical properties of a surface, sample by sample.
+    """Optical properties of a surface, sample by sample. Raises MapError.
 
     Attributes:
         albedo: (rows, cols, 3) float32, 0 to 1: share of red, green and blue light reflected diffusely.

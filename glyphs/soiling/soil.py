@@ -23,7 +23,7 @@ from glyphs.surface.maps import MapError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Soil(OneLine):
-    """Dirt and friction of a part, on the grid of its height map.
+    """Dirt and friction of a part, on the grid of its height map. Raises MapError.
 
     Attributes:
         thickness_mm: (rows, cols) float32, >= 0: thickness of the soft dirt; 0 where there is none.

@@ -31,7 +31,7 @@ _LOOK_STREAM = 7
 
 @dataclass(frozen=True, repr=False)
 class Soiling(OneLine, Validated, error=StampError):
-    """The soils of a part and their severity.
+    """The soils of a part and their severity. Raises StampError.
 
     Attributes:
         soils: names of soils, the bottom layer first; each has the same amount as it would have alone.

@@ -49,7 +49,7 @@ class Face(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class Die(OneLine, Validated, error=StampError):
-    """Geometry of a die, described by the mark that it makes.
+    """Geometry of a die, described by the mark that it makes. Raises StampError.
 
     Attributes:
         bevel_deg: slope of the walls from the land, degrees, 5 to 85 (30 to 60 is usual).
@@ -75,7 +75,7 @@ class Die(OneLine, Validated, error=StampError):
 
 
 def default_depth_mm(height_mm: float) -> float:
-    """Usual depth of a mark for a character height: interpolated in the table, proportional outside it."""
+    """Usual depth of a mark for a character height, proportional outside the table. Raises StampError."""
     require_positive(StampError, height_mm=height_mm)
     heights, depths = np.array(DEPTH_TABLE_MM).T
     nearest = float(np.clip(height_mm, heights[0], heights[-1]))

@@ -30,7 +30,7 @@ _STEEPEST = 0.9
 
 @dataclass(frozen=True, repr=False)
 class PlateForm(OneLine):
-    """Radii of a plate about its two axes; default: flat.
+    """Radii of a plate about its two axes; default: flat. Raises StampError.
 
     Attributes:
         radius_x_mm: radius of the arc that the plate follows along x (a line around a shaft), not zero; infinite: flat.

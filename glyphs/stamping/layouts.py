@@ -20,7 +20,7 @@ _TIGHTEST = 0.9  # longest line, as a share of the half circle that it follows
 
 @dataclass(frozen=True, repr=False)
 class Layout(OneLine, Validated, error=StampError):
-    """Layout of a line on the plate; default: straight and alone.
+    """Layout of a line on the plate; default: straight and alone. Raises StampError.
 
     Attributes:
         turned_deg: rotation of the whole line, clockwise as seen, added to the rotation that the caller requests.

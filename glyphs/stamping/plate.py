@@ -17,7 +17,7 @@ def plate_form(
     *,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Form, tilt and waviness (rows, cols), mm, over x (cols,) and y (rows,); zero in the middle."""
+    """Form, tilt and waviness (rows, cols), mm, over x (cols,) and y (rows,); zero in the middle. Raises StampError."""
     slope_x, slope_y = np.tan(np.radians(variation.tilt_deg * rng.standard_normal(2)))
     z = slope_x * (x_mm - x_mm.mean())[None, :] + slope_y * (y_mm - y_mm.mean())[:, None]
     # Three waves of different lengths and directions: regular enough to have a wavelength, but not a pure sine.

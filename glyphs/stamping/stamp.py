@@ -25,7 +25,7 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StampedPart(OneLine):
-    """A stamped plate and its ground truth; the boxes (x0, y0, x1, y1) of the ink are in the plate frame."""
+    """A stamped plate and its ground truth; boxes (x0, y0, x1, y1) in the plate frame. Raises ValueError."""
 
     height_map: HeightMap
     text: str

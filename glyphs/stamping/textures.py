@@ -29,7 +29,7 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Milling(Validated, error=StampError):
-    """Arcs that the teeth of a face mill leave; their depth varies by the share `chatter` where the tool chatters."""
+    """Arcs of the teeth of a face mill, whose depth varies by the share `chatter`. Raises StampError."""
 
     depth_um: NotNegative = 16.0
     feed_mm: Positive = 0.35
@@ -51,7 +51,7 @@ class Milling(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Turning(Validated, error=StampError):
-    """Grooves of a lathe's tool: parallel on a turned shaft (`ring_radius_mm` 0), parts of rings on a faced end."""
+    """Grooves of a lathe's tool: parallel (`ring_radius_mm` 0), or parts of rings. Raises StampError."""
 
     depth_um: NotNegative = 14.0
     feed_mm: Positive = 0.25
@@ -71,7 +71,7 @@ class Turning(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Grinding(Validated, error=StampError):
-    """Many fine lines of different depth and length, as a belt or a wheel leaves them."""
+    """Many fine lines of different depth and length, as a belt or a wheel leaves them. Raises StampError."""
 
     ra_um: NotNegative = 3.0
     line_mm: Positive = 0.06
@@ -95,7 +95,7 @@ class Grinding(Validated, error=StampError):
 
 @dataclass(frozen=True)
 class Sand(Validated, error=StampError):
-    """A blasted or sand-cast skin: craters and grains of two sizes, the fine a third of the coarse, isotropic."""
+    """A blasted or sand-cast skin: isotropic grains, the fine ones a third of the coarse. Raises StampError."""
 
     ra_um: NotNegative = 9.0
     grain_mm: Positive = 0.25

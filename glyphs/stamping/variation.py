@@ -15,7 +15,7 @@ from glyphs.surface.display import OneLine
 
 @dataclass(frozen=True, repr=False)
 class PlateVariation(OneLine, Validated, error=StampError):
-    """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) plate.
+    """Deviation of a plate from flat; by default machined (turned, milled or ground). Raises StampError.
 
     Attributes:
         lay_direction_deg: direction in which the lay's ridges run, degrees of the plate frame.
@@ -46,7 +46,7 @@ class PlateVariation(OneLine, Validated, error=StampError):
 
 @dataclass(frozen=True, repr=False)
 class StampingVariation(OneLine, Validated, error=StampError):
-    """Variation from blow to blow; numbers are standard deviations unless noted.
+    """Variation from blow to blow; numbers are standard deviations unless noted. Raises StampError.
 
     Attributes:
         depth_fraction: depth, as a fraction of the die's; clipped at 2.5 deviations.

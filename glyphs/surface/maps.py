@@ -75,7 +75,7 @@ Pitch = Annotated[float, Range(1e-7, math.inf, "it must be positive and finite")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HeightMap(OneLine, Validated, error=MapError):
-    """Heights of a surface on a square grid: (rows, cols) float32, mm, read-only; NaN marks a dropout."""
+    """Heights on a square grid: (rows, cols) float32, mm, read-only; NaN is a dropout. Raises MapError."""
 
     z_mm: NDArray[np.float32]
     pitch_mm: Pitch
@@ -124,7 +124,7 @@ class HeightMap(OneLine, Validated, error=MapError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EdgeMap(OneLine, Validated, error=MapError):
-    """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid.
+    """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid. Raises MapError.
 
     A land sample is 0; +0.16 means that the moment was 16 % above the land's. By docs/pages/physics.md the value is
     (1 + h/d0) * F(slope, mu) - 1: the profile and the step of the paper's eq. (16) together.

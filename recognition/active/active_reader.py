@@ -58,7 +58,7 @@ TOUCHABLE = (
 
 @dataclass(frozen=True)
 class ActiveSettings:
-    """Settings of active touch; without `until_sure` only the policy or the budget ends it."""
+    """Settings of active touch; without `until_sure` only the policy or the budget ends it. Raises ValueError."""
 
     budget_s: float = 20.0
     policy: Policy = field(default_factory=Greedy)

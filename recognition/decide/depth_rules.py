@@ -55,7 +55,7 @@ class DepthWindow:
 
 @dataclass(frozen=True)
 class DepthRule:
-    """Limits of depth, burr and size (at the bottom of the marks) that a mark must keep."""
+    """Limits of depth, burr and size (at the bottom of the marks) that a mark must keep. Raises DepthRuleError."""
 
     name: str
     windows: tuple[DepthWindow, ...] = ()

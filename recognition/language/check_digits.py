@@ -175,7 +175,7 @@ def _stdnum_module(name: str) -> ModuleType:
 
 
 def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
-    """Pairs of characters that the check digit does not distinguish, with their place (counted from 1)."""
+    """Pairs of characters that the check digit confuses, with their place (from 1). Raises FormatError."""
     chars = tuple(sorted(set("".join(allowed))))
     pairs = set()
     for place, here in enumerate(allowed):

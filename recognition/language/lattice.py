@@ -13,7 +13,7 @@ from recognition.language.box import Box, hull
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Posteriors of the characters at each place.
+    """Posteriors of the characters at each place. Raises ValueError.
 
     Attributes:
         log_belief: (places, C) natural logarithms of probabilities, -inf for 0. A row sums to at most 1; the rest is

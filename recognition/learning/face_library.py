@@ -81,7 +81,7 @@ _OTHER_STYLES = re.compile(
 
 
 def face_plates(path: str, work: Path, *, chars: str, senses: bool) -> tuple[list[str], list[Plate]]:
-    """Characters of a face and its plates, kept in `work`: by touch, then under each lamp; or the high lamp only."""
+    """Characters of a face and its plates, kept in `work`, by touch and lamps. Raises FontError."""
     stored = work / f"{Path(path).stem}-{'all' if senses else 'high'}.npz"
     if not stored.exists():
         font = load_font(path)

@@ -26,7 +26,7 @@ MARGIN = 0.4
 
 @dataclass(frozen=True, eq=False)
 class TextLine:
-    """A line of text.
+    """A line of text. Raises ValueError.
 
     Attributes:
         centre_mm: (n, 2) at least two points x, y in the frame of the view, from the left edge of the first character

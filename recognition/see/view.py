@@ -59,7 +59,7 @@ class ViewKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A view of a part: layers on a grid.
+    """A view of a part: layers on a grid. Raises ValueError.
 
     Attributes:
         layers: (LAYERS, rows, columns) float32, read-only, finite.

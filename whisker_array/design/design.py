@@ -120,7 +120,7 @@ class Design(OneLine):
 
 
 def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tuple[Worst, tuple[float, float]]:
-    """Find the edge with the least contrast on a fine grid of slopes and frictions, and the range of F."""
+    """Find the edge with the least contrast on a fine grid, and the range of F. Raises DesignError."""
     slopes = np.linspace(*request.alpha_rad, _FINE)
     alpha, mu = np.concatenate([slopes, -slopes]), np.linspace(*request.mu, _FINE)
     steps, factor = edge_steps(

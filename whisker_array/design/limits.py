@@ -60,7 +60,7 @@ class Bound(enum.Enum):
 
 @dataclass(frozen=True, repr=False)
 class Request(OneLine, Validated, error=DesignError):
-    """Use of a whisker: gentlest and steepest wall, rad, which fall and rise; friction, marks and speed."""
+    """Use of a whisker: gentlest and steepest wall, rad, friction, marks and speed. Raises DesignError."""
 
     alpha_rad: tuple[float, float]
     mu: tuple[float, float]

@@ -117,7 +117,7 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
 
 
 def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
-    """Compute height and slopes from traces in opposite directions; `friction` matters on walls only."""
+    """Compute height and slopes from traces in opposite directions. Raises MapError."""
     mu = touch.friction if friction is None else friction
     by_direction = dict(zip(edges.directions, edges.enhancement, strict=True))
     if is_profiler(touch.tip):

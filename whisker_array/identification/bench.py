@@ -102,7 +102,7 @@ class Bench(OneLine):
         return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
-        """Return the touch of the whisker with these numbers; without a drawing, lengths and angle are ignored."""
+        """Return the touch of the whisker, or of another without a drawing, with these numbers. Raises WhiskerError."""
         use: dict[str, Any] = {
             str(name): self[name] for name in (Unknown.PRELOAD, Unknown.RADIUS, Unknown.FRICTION)
         }

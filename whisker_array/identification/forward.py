@@ -43,7 +43,7 @@ class Forward:
         self._piece = PieceMap(heights, traces, about=about, grid_mm=grid_mm)
 
     def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
-        """Predict gain times moment (samples,) of every trace, N mm, at most that at which a jam begins."""
+        """Predict gain times moment (samples,) of every trace, N mm, up to a jam. Raises WhiskerError."""
         touch = bench.touch(self._nominal)
         surface = self._piece.surface(touch.tip_radius_mm)
         predicted: list[NDArray[np.float64]] = []

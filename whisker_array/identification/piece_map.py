@@ -93,7 +93,7 @@ class PieceMap:
         return TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
 
     def surface(self, radius_mm: float) -> TouchSurface:
-        """Surface for the tip of the step below a radius, and its difference to the next (`pose` gives the share)."""
+        """Surface for the tip of the step below a radius, and its difference to the next. Raises WhiskerError."""
         return self._surface(self._at(radius_mm)[0])
 
     def _at(self, radius_mm: float) -> tuple[int, float]:

@@ -92,7 +92,7 @@ def trace_scan(
     others: tuple[Touch, ...] = (),
     **bench: Unpack[VirtualBench],
 ) -> Scan:
-    """Run the virtual array over a height map.
+    """Run the virtual array over a height map. Raises MapError or ValueError.
 
     Args:
         bench: as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a

@@ -102,7 +102,7 @@ def draw_sensor_chain(
     noise: float = 2e-4,
     drift_a_minute: float = 3e-3,
 ) -> SensorChain:
-    """Draw a typical chain; whiskers differ slightly.
+    """Draw a typical chain; whiskers differ slightly. Raises SensorError.
 
     Args:
         full_scale_n_mm: converter range in both directions, N mm. About three times the land moment leaves room

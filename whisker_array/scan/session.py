@@ -64,7 +64,7 @@ def gather_sweeps(passes: Sequence[Sweep]) -> tuple[Sweep, ...]:
     """Merge sweeps of single passes into one per direction and way, in the order of their first passes.
 
     Passes of one direction may begin and end at different positions: the merged sweep covers all of them, and a pass is
-    flagged OUTSIDE where it was not run. They share one step and one grid.
+    flagged OUTSIDE where it was not run. They share one step and one grid. Raises ValueError.
     """
     groups: dict[tuple[int, bool], list[Sweep]] = {}
     for sweep in passes:

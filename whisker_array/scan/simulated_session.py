@@ -37,7 +37,7 @@ def bench_calibration(
 
 
 class SimulatedSession:
-    """A `StageSession` over a height map; `felt_s` are the stage seconds of its passes so far."""
+    """A `StageSession` over a height map, its stage seconds counted. Raises MapError or ValueError."""
 
     @lists_options(mount, VirtualBench.__annotations__)
     def __init__(

@@ -80,7 +80,7 @@ def trace_contact(
     nominal_friction: float,
     pose: SurfacePose | None = None,
 ) -> Traces:
-    """Trace parallel lines (lines,) over an oriented surface (see `surface.orient`), each whisker from rest."""
+    """Trace parallel lines (lines,) over an oriented surface, each whisker from rest. Raises WhiskerError."""
     require_positive(WhiskerError, preload_mm=preload_mm, step_mm=step_mm)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     moment = np.empty((lines.size, n_samples), dtype=np.float32)

@@ -52,7 +52,7 @@ PITCH_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class WhiskerArray(Comb):
-    """A comb of equal whiskers, or several one behind the other; without a `body` whiskers are points."""
+    """A comb of equal whiskers, or several; without a `body` whiskers are points. Raises WhiskerError."""
 
     body: Body | None = field(default=None, repr=False)
 

@@ -121,7 +121,7 @@ def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: flo
 def bent_the_most(
     whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION, burr: float = 0.1
 ) -> NDArray[np.float64]:
-    """Line of the elastica on land, (n, 2) mm from the clamp, lifted by the preload and burrs `burr` preloads high."""
+    """Line of the elastica on land, (n, 2) mm from the clamp, lifted by preload and burrs. Raises WhiskerError."""
     try:
         bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + burr), mu=mu).shape_mm
     except ElasticaError as error:
@@ -130,7 +130,7 @@ def bent_the_most(
 
 
 def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION) -> Body:
-    """Compute the body of a whisker, at rest and at the greatest bend.
+    """Compute the body of a whisker, at rest and at the greatest bend. Raises WhiskerError.
 
     The steepest wall along the trace bends the tip sideways by f_n tan(60 deg) Dzz, f_n = d0 / Dyy (`TipModel`).
     """
@@ -229,7 +229,7 @@ def collisions(body: Body, comb: Comb) -> str:
 
 
 def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
-    """Smallest distance between neighbouring rows, in whole steps, at which none touch; 0 for one row."""
+    """Smallest distance of neighbouring rows, in whole steps, at which none touch. Raises WhiskerError."""
     if comb.n_whiskers > comb.rows and comb.rows * comb.pitch_mm < body.side_room_mm:
         enough = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
         raise WhiskerError(

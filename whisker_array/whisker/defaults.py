@@ -24,7 +24,7 @@ def default_whisker(
     l1 = 6 H, k = 0.117, beta = 0; music-wire ribbon 0.06 H thick and 0.9 H wide. The width is set by the lateral
     compliance, proportional to I/I' (1 + k^3) + 3 k^2 EI/GJ: because l1 twists under the tip arm, Dyy/Dzz is at most 38
     however wide the ribbon (17 at 6 thicknesses, 31 at 15). Stress on the land is about 5 % of yield at every H; the
-    natural frequency scales as 1/H, the moment as H^3.
+    natural frequency scales as 1/H, the moment as H^3. Raises WhiskerError.
 
     The sensor's axis is l3 = l2 - preload - room below the clamp, so that room is left between it and the land. It is
     above the clamp below H = 3 mm (l3 < 0), and F falls with it (friction 0.2, walls of 60 degrees):
@@ -58,7 +58,7 @@ def default_preload_mm(character_height_mm: float) -> float:
 
 
 def profiling_whisker(character_height_mm: float) -> LShaped:
-    """Default whisker with its sensor l2 / 2 above the clamp: F = 1, as for a straight whisker.
+    """Default whisker with its sensor l2 / 2 above the clamp: F = 1, as for a straight whisker. Raises WhiskerError.
 
     With l3 = -l2 / 2 the two factors of (22) are equal for every slope and friction, so the moment is the profile (Case
     study 1), and the tip moves exactly like that of a differentiator. A straight whisker is a profiler, too, but cannot

@@ -47,7 +47,7 @@ class ElasticaError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LargeDeflection(OneLine, Validated, error=ElasticaError):
-    """Exact solution for a whisker whose tip is held at a height.
+    """Exact solution for a whisker whose tip is held at a height. Raises ElasticaError.
 
     Attributes:
         force_n: (3,) float64, contact force on the tip, world axes, N; read-only.

@@ -86,7 +86,7 @@ class SweepPlan(OneLine):
 
 @dataclass(frozen=True, repr=False)
 class Pass(OneLine, Validated, error=WhiskerError):
-    """One travel of the array over the plate coordinates of its whiskers; the default preload is that of the touch."""
+    """One travel of the array; the default preload is that of the touch. Raises WhiskerError."""
 
     direction: TraceDirection
     line_mm: tuple[Finite, ...]

@@ -93,7 +93,7 @@ class Section(Validated, error=WhiskerError):
         return tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     def blend(self, other: Section, t: float) -> Self:
-        """Mix the dimensions linearly: this section at t = 0, the other, of the same kind, at t = 1."""
+        """Mix the dimensions linearly: this section at t = 0, one of its kind at t = 1. Raises WhiskerError."""
         if type(other) is not type(self):
             raise WhiskerError(
                 f"cannot taper from {type(self).__name__} to {type(other).__name__}",
@@ -157,7 +157,7 @@ def _rectangle_torsion_mm4(thickness_mm: float, width_mm: float) -> float:
 
 @dataclass(frozen=True, repr=False)
 class Taper(OneLine):
-    """A section whose dimensions vary linearly along a segment to the `end` nearer the tip, of the same kind."""
+    """A section whose dimensions vary linearly along a segment to its `end`. Raises WhiskerError."""
 
     start: Section
     end: Section

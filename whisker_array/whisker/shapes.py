@@ -37,7 +37,7 @@ Matrix = NDArray[np.float64]
 class TipModel(OneLine):
     """Compliance D11, mm/N, of the tip in world axes, and moment arm of the sensor: all that contact needs.
 
-    `moment_arm_mm` (3,) is the third row of T1: m = moment_arm_mm . f.
+    `moment_arm_mm` (3,) is the third row of T1: m = moment_arm_mm . f. Raises WhiskerError.
     """
 
     compliance_mm_per_n: Matrix
@@ -84,7 +84,7 @@ def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipMo
 
 @dataclass(frozen=True, repr=False)
 class LShaped(OneLine, Validated, error=WhiskerError):
-    """The L-shaped whisker of Fig. 3, the differentiator.
+    """The L-shaped whisker of Fig. 3, the differentiator. Raises WhiskerError.
 
     Attributes:
         l2_mm: length of the tip arm, mm, >= 0; it hangs vertically from the end of l1 at any beta.
@@ -144,13 +144,13 @@ class LShaped(OneLine, Validated, error=WhiskerError):
 def straight_whisker(
     length_mm: float, beta_rad: float, section: SectionLike, material: Material = MUSIC_WIRE
 ) -> LShaped:
-    """Make a straight whisker, the profiler of Sec. 3.5: F = 1 at any friction; without axial term D11 is singular."""
+    """Make a straight whisker, the profiler of Sec. 3.5; without axial term D11 is singular. Raises WhiskerError."""
     return LShaped(length_mm, 0.0, 0.0, beta_rad, section, material)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Chain(OneLine, Validated, error=WhiskerError):
-    """A whisker of any shape, made of straight segments between points; many short ones make a curve.
+    """A whisker of straight segments between points; many short ones make a curve. Raises WhiskerError.
 
     Attributes:
         points_mm: (n + 1, 3) float64, base to tip in the world frame (tip behind the base), mm; read-only.

@@ -35,7 +35,7 @@ _LEAST, _MOST = 0.4, 1.6
 
 @dataclass(frozen=True, repr=False)
 class Dirt(OneLine, Validated, error=StampError):
-    """Mean amount of each kind over parts, 0 (none) to 1; a single part has 0.4 to 1.6 times as much."""
+    """Mean amount of each kind over parts, 0 to 1; one part has 0.4 to 1.6 times as much. Raises StampError."""
 
     grime: Share = 0.0
     oil: Share = 0.0
