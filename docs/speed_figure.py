@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, note, styled
-from tests.proof.dynamic_speed import FINE_ERROR, SpeedCost, speed_cost
+from tests.proof.dynamic import FINE_ERROR, SpeedCost, speed_cost
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch

@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import binomtest
 
 from glyphs import stamp
 from glyphs.fonts.serials import random_text
@@ -23,7 +24,10 @@ from recognition import Reader
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.evidence import Evidence
 from recognition.decide.reading import Reading
-from tests.benchmarks.active_acceptance import FONTS, FORMAT, SEVERITIES, share
+
+FORMAT = "AA999999"
+FONTS = ("gothic", "futural", "timesrb")
+SEVERITIES = (0.0, 0.3, 0.6)
 
 
 class ReadPart(NamedTuple):
@@ -53,6 +57,12 @@ def lighter(reading: Reading) -> Reading:
     touch = reading.evidence.touch.logged(scan=None, surface=None)
     trace = replace(reading.trace, scan=None, height_map=None, edge_map=None)
     return replace(reading, trace=trace, evidence=Evidence.of(touch))
+
+
+def share(count: int, n: int) -> str:
+    """Count of n, with its interval in percent."""
+    low, high = binomtest(count, n).proportion_ci(method="wilson")
+    return f"{count} of {n} ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
 def print_table(reader: Reader, rows: Sequence[ReadPart]) -> None:

@@ -11,16 +11,23 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tests.proof.dynamic import CONTACT_DAMPING, shortest_period_s, trace_dynamic
-from tests.proof.dynamic_modes import contact_mm_per_n, whisker_modes
-from tests.proof.dynamic_speed import FINE_ERROR, fastest_mm_s, speed_cost
+from tests.proof.dynamic import (
+    CONTACT_DAMPING,
+    FINE_ERROR,
+    contact_mm_per_n,
+    fastest_mm_s,
+    shortest_period_s,
+    speed_cost,
+    trace_dynamic,
+    whisker_modes,
+)
 from whisker_array.design.array_design import BETAS_DEG, SPEED_BY_ERROR
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
-from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, WhiskerError
-from whisker_array.whisker.shapes import Chain, LShaped, straight_whisker
+from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle
+from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import default_touch
 from whisker_array.whisker.validity import first_bending_frequency_hz, land_force_n
 
@@ -307,13 +314,3 @@ def test_array_design_knows_the_speed_for_each_error(beta_deg: float) -> None:
     for error, speed in SPEED_BY_ERROR.items():
         limit = fastest_mm_s(whisker, touch, character_height_mm=HEIGHT, allowed_error=error)
         assert limit == pytest.approx(speed, rel=0.03)
-
-
-def test_refusals() -> None:
-    with pytest.raises(WhiskerError, match="speed_mm_s is 0"):
-        traced(smooth, 0.0)
-    out = np.array([[0.0, 0.0, 0.0], [-10.0, 0.0, 2.0], [-12.0, -3.0, 2.0]])
-    with pytest.raises(WhiskerError, match="leaves the plane"):
-        whisker_modes(Chain(out, Rectangle(0.3, 1.8)))
-    with pytest.raises(WhiskerError, match="give 1 to"):
-        whisker_modes(WHISKER, held=0)

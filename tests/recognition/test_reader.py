@@ -50,7 +50,6 @@ def check(reading: Reading, part: StampedPart, *, accepted: bool = True) -> None
     for found, (x0, y0, x1, y1) in zip(reading.characters, true_boxes, strict=True):
         box = (found.box.x0_mm, found.box.y0_mm, found.box.x1_mm, found.box.y1_mm)
         assert holds(box, 0.5 * (x0 + x1), 0.5 * (y0 + y1))
-        assert reading.box is not None
         assert reading.box.x0_mm <= found.box.x0_mm + 1e-9
         assert reading.box.y1_mm >= found.box.y1_mm - 1e-9
 
@@ -77,9 +76,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
     boxes = [c.box for c in reading.characters]
     assert all(a.x0_mm < b.x0_mm and a.x1_mm < b.x1_mm for a, b in pairwise(boxes))
     assert set(reading.trace.by_expert) >= {"network", "templates"}
-    assert reading.trace.scan is not None
     assert reading.trace.scan.fidelity == Fidelity.CONTACT.value
-    assert reading.trace.line is not None
     # templates settle the height of the line that was found by at most a twentieth
     assert reading.height_mm == pytest.approx(reading.trace.line.height_mm, rel=0.06)
     assert reading.trace.edge_map is not None
@@ -229,13 +226,9 @@ def test_maps_too_small_for_characters_are_rejected(
 
 def test_every_character_has_a_depth(plain: tuple[StampedPart, Reading]) -> None:
     part, reading = plain
-    assert reading.trace.relief is not None
-    assert reading.trace.edge_map is not None
-    assert reading.trace.height_map is not None
     assert reading.trace.relief.height_mm.shape == reading.trace.edge_map.shape
     z, pitch = reading.trace.height_map.z_mm, reading.trace.height_map.pitch_mm
     for character, (x0, y0, x1, y1) in zip(reading.characters, part.boxes_mm, strict=True):
-        assert character.depth is not None
         deepest = -z[int(y0 / pitch) : int(y1 / pitch) + 1, int(x0 / pitch) : int(x1 / pitch) + 1].min()
         # a plate waves by 10 micrometres, and a blow that leans is not as deep everywhere
         assert character.depth.max_mm == pytest.approx(deepest, abs=0.03)
@@ -257,7 +250,6 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     assert note.startswith("too shallow for 27CFR478.92: 2 at place 4 0.0")
     assert note.endswith("mm (at least 0.0762)")
     depth = told.characters[3].depth
-    assert depth is not None
     assert depth.min_mm == pytest.approx(0.05, abs=0.01)
     # without a rule the same is felt and nothing is said
     plain = reader(**KNOWN).read(shallow)
@@ -288,7 +280,6 @@ def test_without_heights_there_is_no_depth_and_the_reason_is_noted(
 
 def test_a_scan_that_shows_nothing_says_why(plain: tuple[StampedPart, Reading], reader: Readers) -> None:
     scan = plain[1].trace.scan
-    assert scan is not None
     still = replace(
         scan,
         sweeps=tuple(

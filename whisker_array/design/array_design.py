@@ -36,7 +36,7 @@ WIDTHS_THICKNESSES = (15.0, 6.0)
 BETAS_DEG = (0.0, 15.0)
 SPEED_BY_ERROR = {0.01: 30.0, 0.02: 39.0, 0.05: 73.0, 0.1: 154.0}
 """Error of the edge map, as a share of its signal, and the fastest speed that keeps it, mm/s. Computed with a whisker
-that has mass over a stamped groove of 45 degrees (`tests.proof.dynamic_speed`); the same for all heights and widths,
+that has mass over a stamped groove of 45 degrees (`tests.proof.dynamic`); the same for all heights and widths,
 and within 2 % at both angles. At 30 degrees the groove rings at any speed."""
 MOST_BLOCKS = 4
 LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5

@@ -43,7 +43,7 @@ SAMPLES_PER_LINE_PITCH = 2
 SAFE_SPEED_MM_S = 50.0
 """Safe speed of the default whisker for any character height. In the dynamic simulation of a stamped groove of 45
 degrees the error of the edge map is 1.5 % at this speed, 5 % at 73 mm/s and 8 % at 146 mm/s
-(`tests.proof.dynamic_speed`)."""
+(`tests.proof.dynamic`)."""
 COMB_STEP_HEIGHTS = 0.1
 """Step of the distance between rows, character heights: a whole number of samples in all usual plans."""
 PITCH_TOLERANCE = 1e-3

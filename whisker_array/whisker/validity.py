@@ -24,7 +24,7 @@ PRELOAD_MARGIN = 1.2
 QUASI_STATIC_SHARE = 0.1
 """Largest ratio of signal frequency to first bending frequency (Assumption 5). The error of a sine is then 1 %. That
 of an edge map is 2 to 3 % at walls of 45 degrees and 6 to 9 % at 60 degrees, because the corners of a groove contain
-higher frequencies (`tests.proof.dynamic_speed`). A design search needs this limit because it cannot
+higher frequencies (`tests.proof.dynamic`). A design search needs this limit because it cannot
 simulate every whisker."""
 
 

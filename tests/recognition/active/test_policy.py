@@ -65,8 +65,6 @@ def test_steps_lay_lines_between_those_felt(way: Way) -> None:
 
 def test_regions_of_a_field_share_their_lines_and_samples() -> None:
     wide, narrow = (next_step(FITTING, region, Way.ALONG, 0) for region in (FIELD, (12.3, 9.1, 31.7, 14.9)))
-    assert wide is not None
-    assert narrow is not None
     assert narrow.stage_s < wide.stage_s
     lines = {round(v, 6) for p in wide.passes for v in p.line_mm}
     shared = {round(v, 6) for p in narrow.passes for v in p.line_mm if 9.1 <= v <= 14.9}
@@ -81,7 +79,6 @@ def test_regions_of_a_field_share_their_lines_and_samples() -> None:
 def test_the_lines_of_a_step_cover_a_line_to_both_its_ends(begins: float, length: float, way: Way) -> None:
     text = TextLine.straight(begins, 12.0, length_mm=length, height_mm=5.0)
     step = next_step(FITTING, region_around(text, FIELD), way, 0)
-    assert step is not None
     laid = sorted(v for p in step.passes for v in p.line_mm if 0.0 <= v <= 60.0)
     # a line of the first step is an eighth of a height from the next
     assert laid[0] <= max(begins, 0.0) + 0.625

@@ -69,7 +69,6 @@ def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: py
 
 def test_what_a_look_settles_is_no_doubt() -> None:
     part, request = read(view_of("471275"), "999999")
-    assert part.main is not None
     assert [*part.main.other_ways] == [Way.UPSIDE_DOWN]
     assert not reading_of(part, request).flags & ReadingFlag.ORIENTATION_UNKNOWN
 
@@ -103,7 +102,6 @@ def test_touch_that_knows_the_orientation_settles_what_the_camera_does_not(
 
 def test_a_text_that_no_other_way_can_show_is_read_one_way() -> None:
     part, _ = read(view_of("KD2746"), "AA9999")
-    assert part.main is not None
     assert not part.main.other_ways
 
 
@@ -123,7 +121,6 @@ def test_another_line_that_reads_one_way_settles_it(
     view, beside = view_of("9608"), view_of(text)
     part, request = read(view, "9999")
     line = find([beside], LineRequest(None, ALPHANUMERIC, height_mm=4.0)).main
-    assert line is not None
     assert part.main is not None
     # both lines stand on one part: the view of the other is below that of the serial
     both = replace(view, layers=stacked(view, beside))

@@ -62,7 +62,6 @@ def find_in(view: View, format: str, **more: Any) -> PartLines:
 )
 def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
     part = find_in(VIEW, format)
-    assert part.main is not None
     assert part.main.lattice.text == meant
     assert [one.open_places[0].text for one in part.others] == [other]
 
@@ -71,9 +70,7 @@ def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant:
 def test_a_doubtful_line_is_laid_at_another_height(size: float) -> None:
     view = replace(VIEW, kind=ViewKind.PHOTO)
     best = find_in(view, "AAA9999").main
-    assert best is not None
     main = find([view], request_of("AAA9999"), about=(move_line(best.line, 0.0, size),)).main
-    assert main is not None
     assert main.lattice.text == "KXB4071"
 
 
@@ -89,7 +86,6 @@ def test_a_straight_line_over_an_arc_is_bent() -> None:
     straight = TextLine(np.array([(boxes[0, 0], middle_mm), (boxes[-1, 2], middle_mm)]), height_mm)
     assert search_in(view).read([straight])[0].lattice.text != text
     main = find([view], request_of("AAA9999"), about=(straight,)).main
-    assert main is not None
     assert main.lattice.text == text
 
 
@@ -144,7 +140,6 @@ def test_the_serial_stands_in_its_region(
 ) -> None:
     either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
     part = find([VIEW], LineRequest(either, ALPHANUMERIC, region=region))
-    assert part.main is not None
     assert part.main.lattice.text == meant
     assert len(part.others) == 1
 
@@ -161,7 +156,6 @@ def test_a_line_is_not_moved_out_of_its_region(
 def test_what_lies_upside_down_is_read() -> None:
     over = HeightMap(np.rot90(stamp("KXB4071", fonts="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
     part = find_in(heights_view(level(over)), "AAA9999")
-    assert part.main is not None
     assert part.main.lattice.text == "KXB4071"
     assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
 
@@ -187,7 +181,6 @@ def test_a_line_that_is_text_without_the_format_grows_to_the_serial_of_the_forma
     assert forced.lattice.text != "KXB4071"
     assert promise_of(forced) < 0.0
     main = find([VIEW], request_of("AAA9999"), about=(half,)).main
-    assert main is not None
     assert main.lattice.text == "KXB4071"
 
 

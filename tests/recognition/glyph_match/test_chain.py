@@ -74,7 +74,6 @@ def check_chain(case: Case, placed: tuple[Placed, ...], total: float) -> None:
         assert p.column + half[p.template] < reward.shape[1]
         assert p.reward == reward[p.template, p.column]
         cost = 0.0 if end is None else gap_cost(end, start, rules)
-        assert cost is not None
         earned += p.reward - cost
         end = p.column + int(half[p.template])
     assert earned == pytest.approx(total, abs=1e-9)

@@ -133,7 +133,6 @@ def test_depths_tell_a_character_from_its_rival(
     before = doubt(TEXT, place, rival)
     assert before.text != TEXT
     log = depth_likelihoods(before, dirty, gothic)
-    assert log is not None
     assert np.isnan(np.delete(log, place, axis=0)).all()
     own, other = (log[place, before.chars.index(char)] for char in (TEXT[place], rival))
     assert own > other + 1.0

@@ -60,7 +60,6 @@ def test_texts() -> None:
 def test_vin() -> None:
     grammar = Grammar.parse("vin-na")
     places = grammar.places(17)
-    assert places is not None
     assert grammar.lengths() == {17}
     assert set(places[8]) == set("0123456789X")
     assert all(set(p) == set(VIN_CHARACTERS) for k, p in enumerate(places) if k != 8)

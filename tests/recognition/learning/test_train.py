@@ -23,13 +23,11 @@ from recognition.learning.sketches import sketch_strips
 from recognition.learning.train import train
 from recognition.learning.train_recogniser import (
     as_read,
-    batches,
     choose_strips,
     crop_for_reading,
     decode,
     gather,
     measure,
-    targets,
 )
 from recognition.learning.training_loop import Training
 from recognition.learning.training_parts import TrainingPart
@@ -135,32 +133,6 @@ def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) 
         assert features.std(axis=(2, 3)).max() > 0.0
 
 
-def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
-    out, log = tmp_path / "made" / "net.onnx", tmp_path / "net.log"
-    many = tmp_path / "strips"
-    many.mkdir()
-    write_samples(many / "0.npz", [strip_of(text) for text in TEXTS] * 4)
-    given = [
-        "recogniser",
-        "--learn-from",
-        many,
-        "--held-out",
-        folder,
-        "--samples",
-        32,
-        "--seed",
-        3,
-        "--threads",
-        1,
-    ]
-    run_train(*given, "--out", out, "--log", log)
-    assert out.is_file()
-    assert out.with_suffix(".pt").is_file()
-    # and goes on from what was made
-    run_train(*given, "--out", out, "--log", log, "--start", out.with_suffix(".pt"))
-    assert len(lines(log)) >= 4
-
-
 def test_fewer_strips_than_a_batch_are_refused(folder: Path, tmp_path: Path) -> None:
     how = Training(samples=99, batch=99)
     with pytest.raises(ValueError, match="8 strips are fewer than a batch of 99"):
@@ -191,30 +163,6 @@ def test_a_plain_strip_is_what_is_read(folder: Path) -> None:
     off = np.abs(asked[:, :, :wide] - cut[:, :, :wide])
     assert np.median(off) < 1e-3
     assert off.max() < 0.5 * np.abs(np.diff(asked, axis=2)).max() + 1e-3
-
-
-def test_texts_are_what_is_left_without_repeats_and_blanks() -> None:
-    def beliefs(text: str) -> np.ndarray:
-        said = np.zeros((len(text), 1 + len(CHARACTERS)), dtype=np.float32)
-        for step, char in enumerate(text):
-            said[step, 0 if char == "_" else 1 + CHARACTERS.index(char)] = 1.0
-        return said
-
-    assert decode(beliefs("__KK_77_B")) == "K7B"
-    assert decode(beliefs("KKK_K__")) == "KK"
-    assert decode(beliefs("____")) == ""
-
-
-def test_batches_have_every_strip_once_and_alike_widths(folder: Path) -> None:
-    strips = [strip_of(text) for text in ("1", "K7", "K7B2", "K7B2K7B2") for _ in range(4)]
-    made = list(batches(strips, 4, np.random.default_rng(0)))
-    assert sorted(id(s) for batch in made for s in batch) == sorted(id(s) for s in strips)
-    assert all(len({s.text for s in batch}) == 1 for batch in made)
-    tall, columns = gather(strips)
-    assert tall.shape == (16, LAYERS, TALL_ROWS, int(columns.max()))
-    classes, lengths = targets(strips[:8])
-    assert lengths.tolist() == [1] * 4 + [2] * 4
-    assert "".join(CHARACTERS[c - 1] for c in classes.tolist()) == "1111" + "K7" * 4
 
 
 def test_strips_that_come_later_are_read_as_well(tmp_path: Path) -> None:

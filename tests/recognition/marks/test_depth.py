@@ -225,7 +225,6 @@ def test_a_filled_stroke_has_no_depth_and_never_a_negative_one(
     x0, y0, x1, y1 = (round(edge / relief.pitch_mm) for edge in part.boxes_mm[2])
     z[y0 - 3 : y1 + 4, x0 - 3 : x1 + 4] = 0.05  # heaped over
     depths = depths_of(replace(relief, height_mm=z), part, gothic)[2]
-    assert depths is not None
     assert (depths.min_mm, depths.mean_mm, depths.max_mm) == (0.0, 0.0, 0.0)
 
 
@@ -254,7 +253,6 @@ def test_a_neighbour_does_not_count(flat: tuple[StampedPart, Relief], gothic: Fo
     x = relief.pitch_mm * np.arange(relief.height_mm.shape[1])
     alone.height_mm[:, (x < x0 - 0.1) | (x > x1 + 0.1)] = 0.0
     both = known(depths_of(relief, part, gothic))[6], depths_of(alone, part, gothic)[6]
-    assert both[1] is not None
     assert both[0][1] == pytest.approx(both[1].mean_mm, abs=1e-3)
 
 

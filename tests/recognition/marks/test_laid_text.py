@@ -157,7 +157,6 @@ def test_a_text_is_laid_where_it_was_stamped(
     part = make_part(CHARS, calm=calm, line_rotation_deg=turned_deg)
     # it was read a little beside its place
     laid = lay(part, off_heights=(0.1, -0.1, 0.05, 0.0, -0.08))
-    assert laid is not None
     off = (middles_laid(laid) - middles_of(part)) / part.height_mm
     assert np.abs(off).max() < TOLERANCE_HEIGHTS
     assert laid.fit > 0.9
@@ -171,7 +170,6 @@ def test_a_line_found_too_high_or_too_low_is_sized(share: float, make_part: Make
     moved = TextLine(line.centre_mm, share * part.height_mm)
     along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / share
     laid = lay(part, line=(moved, (along + MARGIN) * HEIGHT_ROWS - 0.5))
-    assert laid is not None
     assert laid.height_mm == pytest.approx(part.height_mm, rel=0.04)
     np.testing.assert_allclose(middles_laid(laid), middles_of(part), atol=TOLERANCE_HEIGHTS * part.height_mm)
 
@@ -180,7 +178,6 @@ def test_a_line_found_too_high_or_too_low_is_sized(share: float, make_part: Make
 def test_whether_marks_stand_out_is_found(raised: bool, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True, raised=raised)
     laid = lay(part)
-    assert laid is not None
     assert laid.felt.raised is raised
     assert laid.fit > 0.9
 
@@ -189,7 +186,6 @@ def test_whether_marks_stand_out_is_found(raised: bool, make_part: Make, lay: La
 def test_the_kind_of_die_is_found(face: Face, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True, face=face)
     laid = lay(part)
-    assert laid is not None
     assert laid.face is face
     assert laid.fit > STRUCK_FIT
     np.testing.assert_allclose(middles_laid(laid), middles_of(part), atol=TOLERANCE_HEIGHTS * part.height_mm)
@@ -203,12 +199,10 @@ def test_the_font_that_suits_is_taken(gothic: Font, make_part: Make, lay: Lay) -
         {"fonts": (other,), "stand_ins": (gothic,)},
     ):
         laid = lay(make_part(CHARS, calm=True), **options)
-        assert laid is not None
         assert laid.font is gothic
     # of one that is nearly the same the one that was named is taken
     alike = replace(gothic, name="alike")
     laid = lay(make_part(CHARS, calm=True), fonts=(alike,), stand_ins=(gothic,))
-    assert laid is not None
     assert laid.font is alike
 
 
@@ -217,12 +211,10 @@ def test_characters_on_an_arc_are_turned_with_it(radius_mm: float, make_part: Ma
     part = make_part(CHARS, calm=True, layout=Layout(radius_mm=radius_mm))
     middles, half = middles_of(part), 0.5 * part.height_mm
     curve = arc_through(middles, height=part.height_mm, before=half, after=half)
-    assert curve is not None
     apart = np.linalg.norm(curve[:, None] - middles, axis=2).argmin(axis=0)
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))][apart]
     columns = (along / part.height_mm + MARGIN) * HEIGHT_ROWS - 0.5
     laid = lay(part, line=(TextLine(curve, part.height_mm), columns))
-    assert laid is not None
     np.testing.assert_allclose(middles_laid(laid), middles, atol=TOLERANCE_HEIGHTS * part.height_mm)
     # about the middle of the circle; its text is half a height further out or in than its baseline
     from_middle = middles[:, 0] - middles[:, 0].mean()
@@ -239,10 +231,8 @@ def test_characters_on_an_arc_are_turned_with_it(radius_mm: float, make_part: Ma
 def test_of_what_the_font_has_not_got_nothing_is_laid(gothic: Font, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True)
     whole = lay(part)
-    assert whole is not None
     lacking = replace(gothic, name="lacking", glyphs={c: gothic.glyph(c) for c in "NHIX"})
     laid = lay(part, fonts=(lacking,))
-    assert laid is not None
     assert [one is None for one in laid.laid] == [False, False, True, False, False]
     fits = [(one.fit, other.fit) for one, other in zip(laid.laid, whole.laid, strict=True) if one and other]
     np.testing.assert_allclose(*zip(*fits, strict=True))

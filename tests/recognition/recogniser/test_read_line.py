@@ -61,13 +61,11 @@ def test_characters_are_counted(text: str) -> None:
 def test_a_line_is_read_with_and_without_a_format() -> None:
     looks = [steps("A8B", sure=0.9, rival="BAA")]
     free = combine_looks(LINE, looks, None)
-    assert free is not None
     assert free.lattice.text == "A8B"
     assert free.evidence == 0.0
     # columns of steps 1, 3 and 5
     np.testing.assert_allclose(free.columns, [14.0, 42.0, 70.0], atol=1.0)
     forced = combine_looks(LINE, looks, Grammar(sets=("AB", "AB", "AB")))
-    assert forced is not None
     assert forced.lattice.text == "AAB"
     assert np.isneginf(forced.lattice.log_belief[:, CHARS.index("8")]).all()
     # what the format leaves of all that is believed: the rival's tenth at one place
@@ -80,7 +78,6 @@ def test_of_several_lengths_the_one_that_explains_most() -> None:
     grammar = Grammar(expression="[AB8]{2}|[AB8]{4}")
     for text in ("AB", "AB8A"):
         line = combine_looks(LINE, [steps(text)], grammar)
-        assert line is not None
         assert line.lattice.text == text
         assert set(line.by_expert) == {"network"}
 
@@ -92,6 +89,4 @@ def test_a_line_with_no_room_for_the_format_is_no_belief() -> None:
 def test_several_looks_count_as_one() -> None:
     once = combine_looks(LINE, [steps("A8B", sure=0.8)], None)
     thrice = combine_looks(LINE, [steps("A8B", sure=0.8)] * 3, None)
-    assert once is not None
-    assert thrice is not None
     np.testing.assert_allclose(thrice.lattice.log_belief, once.lattice.log_belief, atol=1e-9)

@@ -75,7 +75,6 @@ def test_a_plate_of_a_font_that_nobody_named_is_read(
     part = make_part(text)
     steps = steps_of(posteriors(strip_of(part)), chars=ALPHANUMERIC)
     posterior = steps.places((ALPHANUMERIC,) * len(text))
-    assert posterior is not None
     assert "".join(ALPHANUMERIC[k] for k in posterior.log_belief.argmax(axis=1)) == text
     assert int(steps.count().argmax()) == len(text)
     # places stand where the characters stand, to a fifth of a height

@@ -53,7 +53,6 @@ def test_posteriors_are_those_of_all_paths(seed: int) -> None:
     if total == 0.0:
         assert belief is None
         return
-    assert belief is not None
     assert belief.log_evidence == pytest.approx(np.log(total), abs=EXACT)
     np.testing.assert_allclose(np.exp(belief.log_belief), marginal / total, atol=EXACT)
     np.testing.assert_allclose(np.exp(belief.log_belief).sum(axis=1), 1.0, atol=EXACT)
@@ -85,8 +84,6 @@ def test_leaving_out_what_shows_nowhere_changes_nothing(seed: int) -> None:
     table = np.array([[c in place for c in CHARS] for place in allowed])
     full = place_belief(steps.log_blank, steps.log_chars, table)
     short = steps.places(allowed)
-    assert full is not None
-    assert short is not None
     probable = np.exp(full.log_belief) > 1e-3
     np.testing.assert_allclose(
         np.exp(short.log_belief)[probable], np.exp(full.log_belief)[probable], atol=RARE
@@ -104,7 +101,6 @@ def test_where_nothing_allowed_shows_all_of_it_is_kept() -> None:
     shares[1, 0] = 1.0 - 1e-3
     steps = Steps.of(np.array([0.99, 1e-3, 0.99]), shares, CHARS, np.arange(3.0))
     belief = steps.places(("GH",))
-    assert belief is not None
     np.testing.assert_allclose(np.exp(belief.log_belief[0, -2:]), 0.5, atol=1e-9)
     assert belief.log_evidence < SHOWN
 

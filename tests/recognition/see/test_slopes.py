@@ -50,7 +50,6 @@ def alike(one: Floats, other: Floats) -> float:
 
 def test_flanks_show_and_stains_do_not() -> None:
     picture = slope_picture([under(a, seed=k) for k, a in enumerate(AROUND)])
-    assert picture is not None
     steepness = np.hypot(*ring())
     # 1 but for noise and the camera's blur
     assert alike(1.0 - picture, steepness) > 0.8
@@ -63,8 +62,6 @@ def test_exposures_a_fifth_apart_hardly_matter() -> None:
     mixed = slope_picture(
         [under(a, seed=k, exposure=g) for k, (a, g) in enumerate(zip(AROUND, gains, strict=True))]
     )
-    assert plain is not None
-    assert mixed is not None
     assert alike(plain, mixed) > 0.8
 
 
@@ -94,7 +91,6 @@ def test_real_grooves_show_as_they_were_measured() -> None:
         for path in sorted(GROOVES.glob("image*.png"))
     ]
     picture = slope_picture(photographs)
-    assert picture is not None
     found = alike(1.0 - picture, steepness)
     edges = []
     for one in photographs:
@@ -138,7 +134,6 @@ def rusty(**options: type[np.unsignedinteger]) -> Photo:
 def test_rust_is_gone_and_shading_stays(dtype: type[np.unsignedinteger]) -> None:
     photo = rusty(dtype=dtype)
     clean = without_stains(photo)
-    assert clean is not None
     assert alike(photo.grey(), ring_shade()) < 0.2
     assert alike(clean, ring_shade()) > 0.7
     assert abs(alike(clean, cover())) < 0.1
@@ -161,7 +156,6 @@ def test_the_view_without_stains_lies_where_the_photograph_does() -> None:
     photo = rusty()
     (first,), _ = photo_views(photo)
     clean = stainless_view(photo)
-    assert clean is not None
     assert (clean.kind, clean.pitch_mm, clean.origin_mm) == (first.kind, first.pitch_mm, first.origin_mm)
     np.testing.assert_array_equal(clean.layers[KNOWN], first.layers[KNOWN])
     np.testing.assert_allclose(clean.layers[GREY], without_stains(photo), atol=1e-6)

@@ -158,7 +158,6 @@ def test_points_on_a_circle_give_an_arc_of_it(radius: float, upper: bool) -> Non
     side = -1.0 if upper else 1.0
     points = np.array([1.0, 2.0]) + radius * np.stack([np.sin(t), side * np.cos(t)], axis=1)
     curve = arc_through(points, height=2.0, before=BEFORE, after=AFTER)
-    assert curve is not None
     np.testing.assert_allclose(np.linalg.norm(curve - (1.0, 2.0), axis=1), radius, rtol=1e-9)
     # from left to right, beyond the points by what was asked for along the arc
     assert np.all(np.diff(curve[:, 0]) > 0.0) or radius < 10.0
@@ -166,7 +165,6 @@ def test_points_on_a_circle_give_an_arc_of_it(radius: float, upper: bool) -> Non
     assert ends == pytest.approx([t[0] - BEFORE / radius, t[-1] + AFTER / radius])
     # the other way round it is read the other way round
     back = arc_through(points[::-1], height=2.0, before=AFTER, after=BEFORE)
-    assert back is not None
     np.testing.assert_allclose(back[::-1], curve, atol=1e-9)
 
 

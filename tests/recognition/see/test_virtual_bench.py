@@ -47,7 +47,6 @@ def test_the_same_array_feels_every_part_and_again_with_other_noise() -> None:
 
 def test_a_session_knows_the_gains_of_its_sensors() -> None:
     known = VirtualBench(FLAT, 5.0).open_session().fitting.calibration
-    assert known is not None
     assert 0.01 < known.gain.std() < 0.1
 
 
@@ -58,7 +57,6 @@ def test_a_reader_feels_with_its_array() -> None:
     reader = Reader(format="A9A9", height_mm=4.0, array=array)
     evidence = reader.feel(Surface(part.height_map, part.soil))
     scan = evidence.log.scan
-    assert scan is not None
     assert scan.touch.whisker == own.whisker
     assert scan.fidelity == Fidelity.POINTWISE
     assert not scan.sweeps[0].air_n_mm.any()
