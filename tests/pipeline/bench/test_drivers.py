@@ -15,8 +15,7 @@ from pipeline.bench.bench import Bench
 from recognition.see.levelling import level
 from tests.support.bench import FIRMWARE, HEIGHT_MM, PITCH_MM, a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
-from tests.support.emulator.grbl import EmulatedGrbl
-from tests.support.emulator.marlin import EmulatedMarlin
+from tests.support.emulator.boards import EmulatedGrbl, EmulatedMarlin
 from tests.support.emulator.world import World, on_plate
 from tests.support.waiting import wait_until
 from whisker_array.scan.simulated_session import SimulatedSession

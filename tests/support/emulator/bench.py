@@ -9,10 +9,9 @@ import numpy as np
 
 from glyphs.surface.maps import HeightMap
 from pipeline.bench.settings import BenchSettings
+from tests.support.emulator.boards import EmulatedGrbl, EmulatedMarlin
 from tests.support.emulator.daq import EmulatedDaq
 from tests.support.emulator.firmware import Firmware
-from tests.support.emulator.grbl import EmulatedGrbl
-from tests.support.emulator.marlin import EmulatedMarlin
 from tests.support.emulator.world import Amplifier, World
 
 _RANGE_LAND_MOMENTS = 3.0
