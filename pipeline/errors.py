@@ -145,10 +145,8 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 def processor_limit(limit_s: float) -> Iterator[None]:
     """Limit the processor time of Python code, such as that of a parser that a file makes loop.
 
-    Only in the main thread of a system with such a timer, if it is not in use.
-
-    Raises:
-        DataError: the time is over; raised again five times a second, for code that catches every exception.
+    Only in the main thread of a system with such a timer, if it is not in use. Raises DataError: the time is over;
+    raised again five times a second, for code that catches every exception.
     """
     main = threading.current_thread() is threading.main_thread()
     if not (main and hasattr(signal, "setitimer") and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL):

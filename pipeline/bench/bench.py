@@ -115,10 +115,7 @@ class Bench:
 
     def calibrate(self, order: Pass) -> Calibration:
         """Measure gains in V per N mm, independent of `volt_per_n_mm`, and offsets in V, in a pass over bare land.
-
-        Raises:
-            SensorError: there are too few samples, or a whisker does not touch the land.
-        """
+        Raises SensorError: there are too few samples, or a whisker does not touch the land."""
         touch = self.settings.touch()
         moves = moves_of(order, self.settings, preload_mm=touch.preload_mm)
         air, land, _ = samples(self.run(moves), order, moves)

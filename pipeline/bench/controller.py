@@ -157,10 +157,7 @@ class Controller(ABC):
 
     def run(self, lines: Sequence[str], *, seconds: float) -> None:
         """Send lines, and wait until all are acknowledged; a line that waits for moves is acknowledged at their end.
-
-        Raises:
-            StageError: an error, alarm, reset or timeout, or moves that take too long.
-        """
+        Raises StageError: an error, alarm, reset or timeout, or moves that take too long."""
         self.port.quiet(for_s=0.0)
         self.exchange(lines, seconds=seconds, silent_s=self.settings.answer_s)
 

@@ -27,12 +27,8 @@ class NiDaq:
     """The card."""
 
     def __init__(self, settings: DaqSettings) -> None:
-        """Make the task.
-
-        Raises:
-            MissingExtraError: nidaqmx is not installed.
-            StageError: the driver or the card is missing, or refuses.
-        """
+        """Make the task. Raises MissingExtraError: nidaqmx is not installed. StageError: the driver or the card is
+        missing, or refuses."""
         try:
             import nidaqmx
             from nidaqmx.constants import AcquisitionType

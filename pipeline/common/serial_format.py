@@ -17,12 +17,8 @@ _COMMENT = re.compile(r"(^|\s)#.*")
 
 
 def serial_format(settings: ReadSettings) -> Grammar | None:
-    """The grammar of the serials; None if the settings have none.
-
-    Raises:
-        FileError: the lexicon cannot be used.
-        SettingsError: settings that contradict each other.
-    """
+    """The grammar of the serials; None if the settings have none. Raises FileError: the lexicon cannot be used.
+    SettingsError: settings that contradict each other."""
     words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
     if not settings.format and words is None:
         return None

@@ -153,11 +153,8 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
 def map_of_points(
     points: NDArray[np.number], faces: Faces | None = None, *, most: int = MAX_PIXELS
 ) -> RawMap:
-    """Make a grid of heights from points (n, 3) and their triangles (m, 3), if any.
-
-    Raises:
-        DataError: too few points, points in one line, or a map of more samples than the limit.
-    """
+    """Make a grid of heights from points (n, 3) and their triangles (m, 3), if any. Raises DataError: too few
+    points, points in one line, or a map of more samples than the limit."""
     xyz: Points = np.array(points, dtype=np.float64)
     if faces is None:
         empty = ~xyz.any(axis=1)

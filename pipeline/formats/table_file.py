@@ -61,10 +61,8 @@ def table_lines(
     """Read the lines of a table, headings (if any) included; one line is in memory at a time.
 
     Bytes that are not UTF-8 are read as Windows-1252. Lines are only skipped at the start where the delimiter is given
-    (default: detected), those with # (`comments`) anywhere.
-
-    Raises:
-        DataError: it is neither text nor a workbook, or not CSV; names the line.
+    (default: detected), those with # (`comments`) anywhere. Raises DataError: it is neither text nor a workbook, or not
+    CSV; names the line.
     """
     with path.open("rb") as start:
         head = start.read(_SAMPLE_BYTES)

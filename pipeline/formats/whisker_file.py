@@ -155,12 +155,8 @@ def _built(written: _L | _Straight) -> WhiskerFile:
 
 
 def read_whisker_file(path: Path) -> WhiskerFile:
-    """Read a whisker and its use.
-
-    Raises:
-        FileError: the file is missing or not TOML, has unknown, missing or invalid keys, or describes a whisker that
-            jams on the land.
-    """
+    """Read a whisker and its use. Raises FileError: the file is missing or not TOML, has unknown, missing or invalid
+    keys, or describes a whisker that jams on the land."""
     written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)
     with naming(path):
         return _built(written)

@@ -32,12 +32,8 @@ Point = tuple[float, float]
 
 
 def check_drawing(path: Path) -> None:
-    """Refuse, before the work starts, a drawing that could not be written.
-
-    Raises:
-        FileError: the suffix is unknown, or the file cannot be written.
-        ModuleNotFoundError: ezdxf is not installed (extra `drawing`).
-    """
+    """Refuse, before the work starts, a drawing that could not be written. Raises FileError: the suffix is unknown,
+    or the file cannot be written. ModuleNotFoundError: ezdxf is not installed (extra `drawing`)."""
     import_module("ezdxf")
     check_writable(path, _SUFFIXES)
 

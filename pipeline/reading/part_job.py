@@ -125,12 +125,8 @@ class PartJob:
 
 
 def reading_of(job: PartJob) -> Reading:
-    """Read a part from its files.
-
-    Raises:
-        FileError: a file of the part or of its settings cannot be used.
-        MarksError: settings contradict each other, or a font or the expected text cannot be used.
-    """
+    """Read a part from its files. Raises FileError: a file of the part or of its settings cannot be used.
+    MarksError: settings contradict each other, or a font or the expected text cannot be used."""
     return _read(job, job.open_reader())[0]
 
 
@@ -297,11 +293,8 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
     """Scan a part pass by pass until its serial is sure, save the recording, and read the part with it.
 
     If the stage fails on the way, the part is read from the passes before, and goes to review. The recording is
-    `RECORDING` in the job's folder; `settings.budget_s` limits the stage time.
-
-    Raises:
-        StageError: not even one pass could be scanned.
-        FileError: as in `read_sent`.
+    `RECORDING` in the job's folder; `settings.budget_s` limits the stage time. Raises StageError: not even one pass
+    could be scanned. FileError: as in `read_sent`.
     """
     from recognition.active.felt_log import read_and_log
     from whisker_array.scan.recording import save_scan

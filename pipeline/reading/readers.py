@@ -116,11 +116,7 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
     """Read a job with these keys (its file need not exist), and check that everything named in it can be used.
-
-    Raises:
-        OwnFileError: a file that it names cannot be used.
-        FileError: its settings cannot be used.
-    """
+    Raises OwnFileError: a file that it names cannot be used. FileError: its settings cannot be used."""
     job = job_of(path, written, digest)
     try:
         open_reader(job.settings)

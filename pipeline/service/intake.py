@@ -221,11 +221,8 @@ class Intake:
     async def add_scan(
         self, part_id: str, scan: Upload, *, idempotency: IdempotencyKey | None = None
     ) -> Received:
-        """Read a part again with its scan, fused with the camera's reading.
-
-        Raises:
-            Problem: as in `receive`; the part does not exist, or a person has reviewed it.
-        """
+        """Read a part again with its scan, fused with the camera's reading. Raises Problem: as in `receive`; the
+        part does not exist, or a person has reviewed it."""
 
         async def work() -> PartRecord:
             part = await self._unreviewed_part(part_id)
@@ -236,12 +233,8 @@ class Intake:
         return await self.carry_out(idempotency, work)
 
     async def touch(self, part_id: str, call: TouchCall = NO_LIMIT) -> PartRecord:
-        """Release a part that lies under the whiskers: the stage feels it, and it is read again.
-
-        Raises:
-            Problem: as in `add_scan`.
-            StageError: the stage cannot feel the part.
-        """
+        """Release a part that lies under the whiskers: the stage feels it, and it is read again. Raises Problem: as
+        in `add_scan`. StageError: the stage cannot feel the part."""
         part = await self._unreviewed_part(part_id)
         if part.plan is None or part.shadow is not None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
@@ -251,12 +244,7 @@ class Intake:
         self, name: str, job: str = "", *, expected: str = "", within_s: float = math.inf
     ) -> PartRecord:
         """Photograph the part under the camera, read it with a job, and feel it within `within_s` if the camera is
-        unsure.
-
-        Raises:
-            Problem: as in `receive`.
-            StageError: the camera gives no photograph.
-        """
+        unsure. Raises Problem: as in `receive`. StageError: the camera gives no photograph."""
         self._refuse_if_draining()
         call = TouchCall(time.monotonic() + within_s)
         new = NewPart(name=name, expected=expected, job=job, touch=Touch.STAGE)

@@ -84,11 +84,7 @@ class TouchQueue:
 
     async def attempt(self, part: PartRecord, call: TouchCall = NO_LIMIT) -> PartRecord:
         """Feel a part that is known to lie under the whiskers, or wait for the running attempt; return the part
-        afterwards.
-
-        Raises:
-            Problem, StageError: it could not be felt.
-        """
+        afterwards. Raises Problem, StageError: it could not be felt."""
         attempt = self._attempts.get(part.id)
         if attempt is None:
             attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id, call))

@@ -141,11 +141,8 @@ class WorkerCalls:
             return await self.call(read_on_stage, part, *felt_by, tries=1)
 
     async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
-        """Call a function in a worker; a lost worker is replaced, and the call repeated.
-
-        Raises:
-            Problem: a full queue, unusable files, lost workers.
-        """
+        """Call a function in a worker; a lost worker is replaced, and the call repeated. Raises Problem: a full
+        queue, unusable files, lost workers."""
         for lost in range(1, tries + 1):
             try:
                 return await self._call_once(function, *arguments)
@@ -155,12 +152,8 @@ class WorkerCalls:
         raise AssertionError("no try")
 
     def call_blocking(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function that checks a job, before the parts that wait, for at most `FREE_S` and `CHECK_S`.
-
-        Raises:
-            Problem: a full queue, no worker in time, a lost worker.
-            MarksError: as in the function.
-        """
+        """Call a function that checks a job, before the parts that wait, for at most `FREE_S` and `CHECK_S`. Raises
+        Problem: a full queue, no worker in time, a lost worker. MarksError: as in the function."""
         try:
             checked: T = self.pool.call(function, *arguments, free_s=FREE_S, timeout_s=CHECK_S)
         except BusyError as error:

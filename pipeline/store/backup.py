@@ -66,11 +66,8 @@ class Backup:
 
 
 def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
-    """Copy a store and its files into a folder that is not there yet; the service may run.
-
-    Raises:
-        FileError: the folder is there already, is being written by another, or cannot be written.
-    """
+    """Copy a store and its files into a folder that is not there yet; the service may run. Raises FileError: the
+    folder is there already, is being written by another, or cannot be written."""
     if to.exists():
         raise FileError(to, "is there already", "name a new folder for every backup")
     partial = to.with_name(to.name + ".partial")

@@ -161,10 +161,7 @@ def review(
 
 def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
     """Undo a person's own review, which stays in the history: the part waits for review with its earlier text.
-
-    Raises:
-        ConflictError: the part is not reviewed, or was reviewed by another person.
-    """
+    Raises ConflictError: the part is not reviewed, or was reviewed by another person."""
     part = part_by_id(tx, part_id, lock=True)
     answer = part.review
     if part.state is not PartState.REVIEWED or answer is None:

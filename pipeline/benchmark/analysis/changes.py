@@ -92,11 +92,8 @@ def changes(
     after: Sequence[Trial],
     descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
 ) -> Changes:
-    """Compare the trials of two benchmarks, A and B with their descriptions, for unperturbed parts.
-
-    Raises:
-        NotComparableError: the parts differ, or no reader is in both.
-    """
+    """Compare the trials of two benchmarks, A and B with their descriptions, for unperturbed parts. Raises
+    NotComparableError: the parts differ, or no reader is in both."""
     if descriptions is not None:
         _check_made_alike(*(d["parts"] for d in descriptions))
     before, after = unperturbed(before), unperturbed(after)

@@ -218,12 +218,8 @@ def editions() -> tuple[str, ...]:
 
 
 def design_named(name: str) -> Design:
-    """Load an edition by its name, or a design from a TOML file; either may name fonts of the editions.
-
-    Raises:
-        FileError: the file is not a design.
-        SettingsError: the name is neither a TOML file nor an edition.
-    """
+    """Load an edition by its name, or a design from a TOML file; either may name fonts of the editions. Raises
+    FileError: the file is not a design. SettingsError: the name is neither a TOML file nor an edition."""
     if name not in editions() and not name.endswith(".toml"):
         raise SettingsError(
             f"there is no design {name!r}", hint=f"name a TOML file, or one of {', '.join(editions())}"

@@ -126,12 +126,8 @@ def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tu
 
 
 def open_mode(name: str, reader: Reader) -> Mode:
-    """Open a mode by name, a touch plan, or a user's own reader, `module:function`.
-
-    Raises:
-        ModeUnavailableError: it cannot run here.
-        SettingsError: there is no such mode, or it cannot use a font or format.
-    """
+    """Open a mode by name, a touch plan, or a user's own reader, `module:function`. Raises ModeUnavailableError: it
+    cannot run here. SettingsError: there is no such mode, or it cannot use a font or format."""
     if ":" in name:
         return own_mode(name, reader.settings)
     whole, _, rule = name.partition(WITHOUT)

@@ -123,10 +123,8 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
     """Compute all comparisons that the ratings and the truth by part, as far as known, allow.
 
     "Within" needs an appraiser with several trials. "Between" and "pair" use the parts that the appraisers have in
-    common. "Against truth" uses the parts whose truth is known.
-
-    Raises:
-        ValueError: an appraiser did not rate every part equally often, and at least once.
+    common. "Against truth" uses the parts whose truth is known. Raises ValueError: an appraiser did not rate every part
+    equally often, and at least once.
     """
     for who, by_part in ratings.items():
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):

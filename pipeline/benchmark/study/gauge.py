@@ -95,11 +95,8 @@ class GaugeRR:
 
 
 def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
-    """Compute the study of depths (parts, appraisers, trials), mm.
-
-    Raises:
-        ValueError: fewer than 2 parts or 2 trials, or a value is not finite.
-    """
+    """Compute the study of depths (parts, appraisers, trials), mm. Raises ValueError: fewer than 2 parts or 2
+    trials, or a value is not finite."""
     x = np.asarray(values_mm, dtype=np.float64)
     if x.ndim != 3 or x.shape[0] < 2 or x.shape[1] < 1 or x.shape[2] < 2:
         raise ValueError(

@@ -110,11 +110,8 @@ class MqttSender:
         return True
 
     async def send(self, delivery: Delivery) -> None:
-        """Publish a delivery and wait until the broker has accepted it.
-
-        Raises:
-            DeliveryError: no broker, no acknowledgement, or the broker refuses it.
-        """
+        """Publish a delivery and wait until the broker has accepted it. Raises DeliveryError: no broker, no
+        acknowledgement, or the broker refuses it."""
         connection = await self._connect()
         try:
             alert = delivery.payload.get("alert")
@@ -259,11 +256,8 @@ class MqttConnection:
     async def publish(
         self, topic: str, payload: bytes, *, retain: bool = False, correlation: bytes | None = None
     ) -> None:
-        """Publish and wait for the acknowledgement; an answer has the correlation data of its call.
-
-        Raises:
-            DeliveryError: the broker is gone, has acknowledged nothing in time, or refuses the message.
-        """
+        """Publish and wait for the acknowledgement; an answer has the correlation data of its call. Raises
+        DeliveryError: the broker is gone, has acknowledged nothing in time, or refuses the message."""
         n_bytes = _HEAD_BYTES + len(topic.encode()) + len(payload)
         if 0 < self._most_bytes < n_bytes:
             what = f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be"

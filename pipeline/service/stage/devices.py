@@ -137,12 +137,8 @@ class SimulatedStage:
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Mount the part's height map, its middle under the camera's axis, to be felt pass by pass within the order's
-        region.
-
-        Raises:
-            StageError: no such part, a map that cannot be scanned, or a region off the part.
-        """
+        """Mount the part's height map, its middle under the camera's axis, to be felt pass by pass within the
+        order's region. Raises StageError: no such part, a map that cannot be scanned, or a region off the part."""
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.readers import virtual_array
@@ -182,11 +178,7 @@ class BenchStage:
 
     def open(self, order: ScanOrder) -> StageSession:
         """The part under the comb, in the frame of the order's region; the camera's axis meets the plate at
-        `camera_mm`.
-
-        Raises:
-            StageError: the bench cannot be opened or homed, or the region is off its field.
-        """
+        `camera_mm`. Raises StageError: the bench cannot be opened or homed, or the region is off its field."""
         from pipeline.bench.bench import Bench
         from pipeline.reading.framed_session import FramedSession
 

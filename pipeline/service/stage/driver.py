@@ -71,11 +71,8 @@ class DriverThread:
         return f"the {self.what} has not answered for {waited_s:.0f} s"
 
     def call(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
-        """Run work in the driver's thread, and return its result.
-
-        Raises:
-            StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
-        """
+        """Run work in the driver's thread, and return its result. Raises StageDownError: the driver does not answer
+        in time, has a fault, or too many calls wait for it already."""
         call = self._submit(work, timeout_s)
         futures.wait([call.future], call.timeout_s)
         outcome: T = self._outcome(call.future, call)

@@ -79,12 +79,8 @@ class StageWork:
 
     @contextlib.asynccontextmanager
     async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker while a part lies under the whiskers, during a call.
-
-        Raises:
-            StageDownError: it does not answer.
-            StageError: the part may no longer lie there, at the beginning or at the end.
-        """
+        """Lend the stage to a worker while a part lies under the whiskers, during a call. Raises StageDownError: it
+        does not answer. StageError: the part may no longer lie there, at the beginning or at the end."""
         if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
