@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.service.settings import MqttSettings, ServiceSettings, is_loopback
+from pipeline.service.settings import MqttSettings, ServiceSettings, TcpSettings, host_and_port, is_loopback
+from pipeline.service.stage.devices import is_driver
+from pipeline.workers.machine import LEAST_UPLOAD, Machine
 
 
 def test_nothing_need_be_set() -> None:
@@ -60,3 +62,34 @@ def test_an_address_that_cannot_be_is_refused(
     for value in values:
         with pytest.raises(ValueError, match=says):
             ServiceSettings(**{section: {name: value}})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("port", "place"),
+    [(8418, ("127.0.0.1", 8418)), ("0", ("127.0.0.1", 0)), ("192.168.7.10:8418", ("192.168.7.10", 8418)),
+     ("[::1]:4840", ("::1", 4840)), ("press-7:1", ("press-7", 1))],
+)  # fmt: skip
+def test_a_port_stands_alone_or_behind_its_address(port: int | str, place: tuple[str, int]) -> None:
+    assert host_and_port(TcpSettings(port=port).port or "") == place  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "port", ["", "tcp", "70000", "-1", "host:", ":80", "a@b:80", "host:80/x", "::1:80:x"]
+)
+def test_what_is_no_port_is_refused(port: str) -> None:
+    with pytest.raises(ValueError, match="write 8418, or 192"):
+        host_and_port(port)
+
+
+@pytest.mark.parametrize(
+    ("device", "driver"),
+    [("press_hall.stage:open_stage", True), ("bench.toml", False), ("parts/", False), (r"C:\parts", False),
+     ("C:parts", False), ("/data/a:b", False)],
+)  # fmt: skip
+def test_a_device_is_a_driver_or_a_path(device: str, driver: bool) -> None:
+    assert is_driver(device) == driver
+
+
+def test_more_memory_of_a_worker_takes_larger_requests() -> None:
+    assert Machine.of(1, 40).upload_bytes == LEAST_UPLOAD
+    assert Machine.of(1, 8192).upload_bytes == 2 * 102_400_000
