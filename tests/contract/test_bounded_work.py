@@ -1,20 +1,36 @@
-"""What comes from outside is refused before it is work: jobs, glyph databases, meshes. The service goes on."""
+"""What comes from outside is refused before it is work: jobs, databases, meshes, bad files, generated requests."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 import struct
+import time
 import zlib
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis import GenerationMode
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
 
 from tests.contract.front_doors import Command, RunningService, status_of
+from tests.support.bad_files import bad_maps, bad_photos, bad_scans, other_file
+from tests.support.waiting import children
 
 
 @pytest.fixture(scope="module")
@@ -139,3 +155,117 @@ def test_the_command_line_refuses_a_hostile_database(
     ended = command("read", height_map, "--database", path, "--format", "A9", "--jobs", "1")
     assert ended.status != 0
     assert "unpacks to more than" in ended.out + ended.err
+
+
+SLOWEST_S = 30.0
+"""For one answer, on a busy machine; most come in milliseconds."""
+MOST_MEMORY_MB = 3000.0
+"""Of the web server and its worker together at any moment; a worker at rest has about 600, the corpus declares
+terabytes."""
+EACH = 24
+"""One of so many: all of them are read by `tests/pipeline/reading/test_bad_files_sent.py`, without a service."""
+
+
+def test_a_corpus_of_bad_files_does_no_harm(service: RunningService) -> None:
+    sent, slowest_s, most_mb, logged = 0, 0.0, 0.0, len(service.log)
+    with httpx.Client(base_url=service.url, timeout=4 * SLOWEST_S) as http:
+        for role, files in (("photo", bad_photos()), ("scan", bad_maps()), ("scan", bad_scans())):
+            for name, data in islice(files, 0, None, EACH):
+                start = time.perf_counter()
+                answer = http.post("/v1/parts", files={role: (name, data)})
+                slowest_s = max(slowest_s, time.perf_counter() - start)
+                most_mb = max(most_mb, _memory_mb(service))
+                sent += 1
+                assert answer.status_code in (201, 413, 415, 422), f"{name}: {answer.text}"
+                # what points to another file of the server is refused, and not read as if it were the part's
+                assert answer.status_code != 201 or "link" not in name, name
+                assert other_file() not in answer.text, name
+                assert str(service.folder) not in answer.text, name
+        assert http.get("/readyz").status_code == 200
+        assert not list((service.folder / "evidence" / "incoming").iterdir())
+    assert sent >= 100 // EACH
+    assert slowest_s < SLOWEST_S
+    assert most_mb < MOST_MEMORY_MB
+    assert "request failed" not in service.log[logged:]
+
+
+def _memory_mb(service: RunningService) -> float:
+    """Resident memory of the service and all below it."""
+    total = 0.0
+    for at in (service.process.pid, *children(service.process.pid)):
+        try:
+            told = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{at}/status").read_text())
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        total += float(told[1]) / 1000.0 if told else 0.0
+    return total
+
+
+EXAMPLES = 3
+CHECKS = [
+    not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+]
+
+
+@pytest.fixture(scope="module")
+def description(service: RunningService, height_map: Path) -> Any:
+    """The description, with a part's id that exists in every other path."""
+    scan = {"scan": ("K7.npz", height_map.read_bytes())}
+    part = httpx.post(f"{service.url}/v1/parts", files=scan, timeout=60.0).json()
+    schema = schemathesis.openapi.from_url(f"{service.url}/openapi.json")
+
+    @schema.hook
+    def map_path_parameters(context: Any, path_parameters: Any) -> Any:
+        if path_parameters and len(str(path_parameters.get("part_id", ""))) % 2:
+            path_parameters["part_id"] = part["id"]
+        return path_parameters
+
+    return schema
+
+
+def test_every_failure_is_described_as_a_problem(service: RunningService) -> None:
+    paths = httpx.get(f"{service.url}/openapi.json").json()["paths"]
+    described = {
+        f"{verb.upper()} {path} {status}": set(response.get("content", {}))
+        for path, operations in paths.items()
+        for verb, operation in operations.items()
+        for status, response in operation["responses"].items()
+        if status[0] in "45"
+    }
+    assert "DELETE /v1/jobs/{name} 422" in described
+    assert {key: kinds for key, kinds in described.items() if kinds != {"application/problem+json"}} == {}
+    # every answer needs the store, which may fail
+    operations = {
+        f"{verb.upper()} {path}" for path, verbs in paths.items() for verb in verbs if "/v1/" in path
+    }
+    assert {name for name in operations if f"{name} 503" not in described} == set()
+
+
+@pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
+def test_every_request_is_answered_as_described(description: Any, mode: GenerationMode) -> None:
+    asked = []
+    for result in description.get_all_operations():
+        operation = result.ok()
+        asked.append(operation.label)
+
+        @seed(1)
+        @given(case=operation.as_strategy(generation_mode=mode))
+        @settings(
+            max_examples=EXAMPLES,
+            deadline=None,
+            phases=(Phase.explicit, Phase.generate),
+            suppress_health_check=list(HealthCheck),
+        )
+        def answered_as_described(case: Any) -> None:
+            case.call_and_validate(checks=CHECKS)
+
+        try:
+            answered_as_described()
+        except Unsatisfiable:  # no wrong request exists for an operation without parameters
+            assert mode is GenerationMode.NEGATIVE
+    wanted = {"POST /v1/parts", "POST /v1/parts/{part_id}/scan", "POST /v1/parts/{part_id}/review"}
+    assert wanted <= set(asked)

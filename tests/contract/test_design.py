@@ -1,4 +1,4 @@
-"""`design` as an engineer uses it, and `scan` with what it wrote."""
+"""`design` as an engineer uses it, `scan` with what it wrote, and a whisker that `identify` has found."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.contract.front_doors import main
+from tests.contract.front_doors import ROOT, Command, main
 from whisker_array import load_scan, moment_ratio
 
 ASKED = ["design", "--height-mm", "5", "--alpha", "30:60", "--mu", "0.1:0.5", "--depth-mm", "0.2"]
@@ -128,3 +128,48 @@ def test_a_drawn_whisker_is_compared_with_the_limits(
     assert "+-" not in "".join(lines)  # nothing is known of its uncertainty
     (axis,) = (line for line in lines if line.startswith("sensor axis") and ">=" in line)
     assert axis.endswith("broken")
+
+
+FOUND = ROOT / "tests" / "data" / "whiskers" / "identified.toml"
+JOB = ("design", "--height-mm", "5", "--alpha", "20:45", "--mu", "0.1:0.3", "--depth-mm", "0.3")
+
+
+@pytest.fixture
+def a_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nfloor_mm = 0.6\nland_mm = 1.2\n')
+
+
+@pytest.mark.usefixtures("a_piece")
+def test_what_is_known_of_a_whisker_is_shown_by_scan_and_design(command: Command) -> None:
+    scanned = command("scan", "piece.toml", "--out", "again.h5", "--whisker", FOUND)
+    assert scanned.status == 0
+    promised = scanned.out.splitlines()
+    assert promised[-5].startswith("moment of the land, N mm")
+    assert "+-" in promised[-1]
+    designed = command(*JOB, "--whisker", FOUND)
+    assert designed.status == 0
+    lines = designed.out.splitlines()
+    assert lines[:6] == promised[-6:]
+    assert lines[6].startswith("worst edge contrast")
+
+
+@pytest.mark.usefixtures("a_piece")
+def test_design_judges_a_whisker_that_was_not_identified(command: Command) -> None:
+    Path("drawn.toml").write_text(FOUND.read_text().partition("[identified]")[0])
+    judged = command(*JOB, "--whisker", "drawn.toml")
+    assert judged.status == 0
+    assert "worst edge contrast" in judged.out
+
+
+@pytest.mark.usefixtures("a_piece")
+def test_what_identify_and_design_refuse(command: Command) -> None:
+    refused = command(*JOB, "--whisker", FOUND, "--out", "other.toml")
+    assert refused.status == 2
+    assert "leave out --out" in refused.err
+    refused = command("identify", "piece.h5", "--piece", "piece.toml", "--out", "found.toml")
+    assert refused.status == 2
+    assert "add --whisker" in refused.err
+    refused = command("identify", "piece.toml", "--piece", "piece.toml")
+    assert refused.status == 1
+    assert "piece.toml" in refused.err

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
+import json
 import pydoc
 from dataclasses import fields
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -15,6 +18,7 @@ import whisker_array
 from glyphs import FileError, FontError, FormatError, HeightMap, MapError, Photo, stamp
 from pipeline import SettingsError, read
 from recognition import Reader, ReaderSettings, Reading, Verdict
+from tests.contract.front_doors import environment, run_process
 
 PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")
 
@@ -157,3 +161,64 @@ def test_a_blank_photograph_is_rejected_with_a_reason(reader: Reader) -> None:
     blank = reader.read(Photo(np.full((120, 200), 128, dtype=np.uint8)))
     assert (blank.text, blank.decision) == ("", "reject")
     assert blank.flags
+
+
+mpl.use("Agg")
+
+
+@pytest.mark.parametrize(("text", "format"), [("7", "9"), ("KX407251", "AA999999")])
+def test_words_are_not_cut_and_panels_fill_the_width(text: str, format: str) -> None:
+    part = stamp(text, fonts="gothic", height_mm=4.0, seed=3)
+    figure = (
+        Reader(format=format, fonts=["gothic"], height_mm=4.0, experts=("network",))
+        .read(part.height_map)
+        .plot(title="part-000")
+    )
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    for axes in figure.axes:
+        for title in (axes.title, axes._left_title):
+            words = title.get_window_extent()
+            assert not title.get_text() or whole.x0 <= words.x0 <= words.x1 <= whole.x1, title.get_text()
+    pictures = [axes.get_window_extent() for axes in figure.axes if axes.images]
+    widest_row = max(
+        sum(p.width for p in pictures if abs(p.y0 - row.y0) < 0.1 * row.height) for row in pictures
+    )
+    assert widest_row > 0.4 * whole.width
+
+
+def test_a_part_is_read_where_networks_cannot_be_opened(height_map: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "onnxruntime.py").write_text("raise ImportError('networks are not for this test')\n", "utf-8")
+    known = environment()
+    known["PYTHONPATH"] = f"{broken}:{known.get('PYTHONPATH', '')}".rstrip(":")
+    table = tmp_path / "read.jsonl"
+    asked = ("--font", "gothic", "--format", "A9", "--height-mm", "4", "--jobs", "1", "--out", table)
+    alone = run_process("read", height_map, *asked, "--experts", "templates", env=known)
+    assert alone.status == 0, alone.err
+    assert json.loads(table.read_text("utf-8").splitlines()[0])["text"] == "K7"
+
+
+PRODUCT = {"glyphs", "whisker_array", "recognition", "pipeline"}
+HERE = Path(__file__).parent
+
+
+def inner_imports(source: str) -> list[str]:
+    """Modules below the four packages that a source imports."""
+    names: list[str] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.append(node.module)
+    return [name for name in names if "." in name and name.partition(".")[0] in PRODUCT]
+
+
+def test_inner_imports_are_found() -> None:
+    assert inner_imports("import pipeline.cli.main\nfrom glyphs import stamp") == ["pipeline.cli.main"]
+
+
+@pytest.mark.parametrize("path", sorted(HERE.glob("*.py")), ids=lambda path: path.stem)
+def test_only_the_vocabulary_of_the_packages_is_imported(path: Path) -> None:
+    assert inner_imports(path.read_text(encoding="utf-8")) == []

@@ -1,7 +1,8 @@
-"""Writes, fsyncs and renames that fail or tear, ends at any call, losses of power: a sample of `explore`."""
+"""Faults: calls that fail or tear, ends at any call, losses of power, damaged files, services that are killed."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -11,7 +12,11 @@ import numpy as np
 import pytest
 
 from tests.faults.explore import preloaded
+from tests.faults.history import DATABASE, Arrival, Kill, judged
+from tests.faults.mutated import KINDS, READ_OR_REFUSED, campaign
+from tests.faults.plant import FROZEN, played
 from tests.faults.power_loss import CHOICES, Call, Disk
+from tests.support.postgres_server import PostgresServer
 from tests.support.waiting import program
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
@@ -78,3 +83,54 @@ def test_an_fsync_that_failed_has_lost_its_data(tmp_path: Path) -> None:
     ):
         disk.take(call)
     assert disk.after_loss("names", np.random.default_rng(0)) == {"a": b""}
+
+
+EACH = 5
+
+
+def test_a_damaged_file_is_read_or_refused_by_its_name(tmp_path: Path) -> None:
+    found = campaign(tuple(KINDS), EACH, 7, 1, tmp_path)
+    assert {kind: set(tally) - set(READ_OR_REFUSED) for kind, tally in found.items()} == {
+        key: set() for key in KINDS
+    }
+    assert all(sum(tally.values()) == EACH for tally in found.values())
+    # the changes are neither harmless nor all beyond recognition
+    total = sum((tally for tally in found.values()), start=type(found["map.npz"])())
+    assert all(total[came] > len(KINDS) // 2 for came in READ_OR_REFUSED)
+
+
+PARTS, KILLS = 9, 1
+
+
+def test_two_services_lose_double_and_reorder_nothing() -> None:
+    with contextlib.closing(PostgresServer()) as server:
+        outcome = played(server, "plant", parts=PARTS, kills=KILLS, database=[DATABASE, FROZEN], seed=5)
+    assert not outcome.verdict.wrong, outcome.verdict
+    assert outcome.parts == PARTS
+    assert outcome.kills == KILLS + 2
+    assert outcome.deliveries >= 3 * PARTS  # each part is read, and reviewed twice
+
+
+def _arrived(*numbers: tuple[float, str, int]) -> list[Arrival]:
+    return [Arrival(at_s, sender, "p", number) for at_s, sender, number in numbers]
+
+
+def test_the_judge_sees_what_is_lost_doubled_and_reordered() -> None:
+    whole = _arrived((0.0, "a", 1), (1.0, "b", 2))
+
+    def wrong(
+        arrivals: list[Arrival], *kills: Kill, wanted: int = 2, stored: tuple[str, ...] = ("p",)
+    ) -> list[str]:
+        return judged({"k": ["p"]}, {"k": stored}, {"p": wanted}, arrivals, kills, patience_s=3.0).wrong
+
+    assert wrong(whole) == []
+    assert wrong(whole, wanted=3) == ["p: 2 of 3 deliveries have arrived"]
+    assert wrong(whole, stored=()) == ["k was answered and is not there: ['p']"]
+    assert wrong(whole, stored=("p", "q")) == ["k has made ['p', 'q']"]
+    assert wrong([*whole, *_arrived((2.0, "b", 1))]) == ["p: 1 by a, 2.00 s later by b", "p: 1 after 2"]
+    again = [*whole, *_arrived((2.0, "a", 2))]
+    assert wrong(again) == ["p: 2 by b, 1.00 s later by a"]
+    assert wrong(again, Kill(1.5, "a", 1.5)) == wrong(again)  # not the one that had sent it
+    assert wrong(again, Kill(1.5, "b", 1.5)) == []
+    assert wrong(again, Kill(0.5, DATABASE, 1.2)) == []  # was away when it was to be noted
+    assert wrong([*whole, *_arrived((4.0, "a", 2))]) == []

@@ -1,4 +1,4 @@
-"""The bring-up guide on an emulated bench, command by command, and hosts that die in the middle of a pass."""
+"""The bring-up guide on an emulated bench, hosts that die in a pass, and the parts of a bench by themselves."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import PieceKind
 from pipeline.bench.bench import Bench
-from pipeline.bench.settings import read_bench
+from pipeline.bench.moves import Ramp, moves_of
+from pipeline.bench.ni_daq import NiDaq
+from pipeline.bench.settings import DaqSettings, read_bench
 from pipeline.cli.main import main
 from pipeline.common.parsed import write_toml
 from pipeline.formats.synth import SynthSpec, make_part
@@ -24,6 +31,7 @@ from tests.support.bench import a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
 from tests.support.emulator.world import World
 from tests.support.waiting import PATIENCE_S, wait_until
+from whisker_array.scan.stage_error import StageError
 
 GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "how-to" / "bench.md"
 PROGRAM = (sys.executable, "-m", "pipeline")
@@ -112,3 +120,137 @@ def test_a_host_that_dies_in_a_pass_leaves_the_tips_lifted(
         with Bench(read_bench(tmp_path / "bench.toml")) as bench:
             assert bench.stage.lost
             assert not bench.session().feel(a_pass()).flags.any()
+
+
+@given(distance=st.floats(0.01, 300.0), speed=st.floats(1.0, 200.0), acceleration=st.floats(50.0, 5000.0))
+def test_a_ramp_is_its_speed_summed_up(distance: float, speed: float, acceleration: float) -> None:
+    ramp = Ramp(distance, speed, acceleration)
+    time_s = np.linspace(0.0, ramp.duration_s, 4001)
+    rate = np.minimum(np.minimum(acceleration * time_s, acceleration * time_s[::-1]), ramp.peak_mm_s)
+    summed = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s))])
+    # the trapezoid rule misses a corner by less than a step's square
+    assert np.abs(ramp.at_mm(time_s) - summed).max() < 1e-3 * distance
+    assert ramp.peak_mm_s <= speed + 1e-12
+
+
+def test_a_bench_file_is_read_as_written(tmp_path: Path) -> None:
+    write_toml(tmp_path / "bench.toml", bench_settings("marlin"))
+    assert read_bench(tmp_path / "bench.toml") == bench_settings("marlin")
+
+
+@pytest.mark.parametrize(
+    ("was", "is_now", "told"),
+    [
+        ("baud", "bauds", "unknown key stage.bauds"),
+        ("lift_mm = 5.0", "lift_mm = 50.0", "lie within travel_mm's z"),
+        ("range_v = 5.0", "range_v = -5.0", "daq.range_v = -5.0"),
+        ("volt_per_n_mm = 1.0", "volt_per_n_mm = [1.0, 1.0]", "2 gains in volt_per_n_mm for 3 whiskers"),
+        ('kind = "line"', 'kind = "nidaqmx"', "needs channels and sync_channel"),
+    ],
+)
+def test_what_is_wrong_with_a_bench_file_is_told(tmp_path: Path, was: str, is_now: str, told: str) -> None:
+    path = tmp_path / "bench.toml"
+    write_toml(path, bench_settings())
+    text = path.read_text()
+    assert was in text
+    path.write_text(text.replace(was, is_now, 1))
+    with pytest.raises(FileError) as raised:
+        read_bench(path)
+    assert told in str(raised.value)
+
+
+def test_a_turned_comb_keeps_its_tips_over_their_lines() -> None:
+    bench = bench_settings()
+    forth, back = (moves_of(a_pass(d), bench, preload_mm=0.6) for d in (0, 180))
+    assert forth.whisker == (0, 1, 2)
+    assert back.whisker == (2, 1, 0)
+    # tips 2 mm ahead of the axis and 0.5 mm aside: turned about, the axis passes 4 mm and 1 mm elsewhere
+    middle = [np.mean([m.begin_mm, m.end_mm], axis=0) for m in (forth, back)]
+    assert middle[1] - middle[0] == pytest.approx([4.0, -1.0])
+    assert (forth.touch_z_mm, forth.lift_z_mm) == (-30.6, -25.0)
+
+
+class _Task:
+    """Documented behaviour of nidaqmx.Task that the driver uses: continuous samples, all read at once."""
+
+    def __init__(self) -> None:
+        self.channels: list[str] = []
+        self.ai_channels = SimpleNamespace(add_ai_voltage_chan=self._add)
+        self.timing = SimpleNamespace(cfg_samp_clk_timing=self._clock, samp_clk_rate=0.0)
+        self.at_work, self.closed = False, 0
+
+    def _add(self, physical: str, *, min_val: float, max_val: float) -> None:
+        assert (min_val, max_val) == (-10.0, 10.0)
+        device, _, names = physical.partition("/ai")
+        first, _, last = names.partition(":")
+        self.channels += [f"{device}/ai{i}" for i in range(int(first), int(last or first) + 1)]
+
+    def _clock(self, rate: float, *, sample_mode: str, samps_per_chan: int) -> None:
+        assert (sample_mode, samps_per_chan) == ("continuous", 60 * rate)
+        self.timing.samp_clk_rate = rate
+
+    @property
+    def number_of_channels(self) -> int:
+        return len(self.channels)
+
+    def start(self) -> None:
+        self.at_work = True
+
+    def stop(self) -> None:
+        self.at_work = False
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def read(self, count: int, *, timeout: float) -> list[list[float]]:
+        assert self.at_work
+        assert count == -1
+        return [[0.5, 9.999, 0.0], [-0.5, 0.0, 0.25], [0.1, 4.9, 0.2]]
+
+
+@pytest.fixture
+def tasks(monkeypatch: pytest.MonkeyPatch) -> list[_Task]:
+    made: list[_Task] = []
+
+    def task() -> _Task:
+        made.append(_Task())
+        return made[-1]
+
+    library: Any = ModuleType("nidaqmx")
+    library.Task, library.errors = task, SimpleNamespace(Error=type("Error", (Exception,), {}))
+    constants: Any = ModuleType("nidaqmx.constants")
+    constants.AcquisitionType, constants.READ_ALL_AVAILABLE = SimpleNamespace(CONTINUOUS="continuous"), -1
+    library.constants = constants
+    monkeypatch.setitem(sys.modules, "nidaqmx", library)
+    monkeypatch.setitem(sys.modules, "nidaqmx.constants", constants)
+    return made
+
+
+NI = DaqSettings(kind="nidaqmx", channels="Dev1/ai0:1", sync_channel="Dev1/ai8")
+
+
+def test_a_card_of_ni_samples_whiskers_and_sync_by_one_clock(tasks: list[_Task]) -> None:
+    daq = NiDaq(NI)
+    assert tasks[0].channels == ["Dev1/ai0", "Dev1/ai1", "Dev1/ai8"]
+    assert daq.whiskers == 2
+    daq.start()
+    record = daq.stop()
+    assert record.volts.tolist() == [[0.5, -0.5], [9.999, 0.0], [0.0, 0.25]]
+    assert record.sync.tolist() == [False, True, False]
+    assert record.clipped.tolist() == [[False, False], [True, False], [False, False]]
+    assert record.stretches() == [slice(1, 2)]
+    daq.close()
+    daq.close()
+    assert tasks[0].closed == 1
+
+
+def test_what_the_card_refuses_is_a_stages_error(tasks: list[_Task], monkeypatch: pytest.MonkeyPatch) -> None:
+    daq = NiDaq(NI)
+
+    def overwritten(count: int, *, timeout: float) -> None:
+        raise sys.modules["nidaqmx"].errors.Error("samples were overwritten, -200279")
+
+    monkeypatch.setattr(tasks[0], "read", overwritten)
+    daq.start()
+    with pytest.raises(StageError, match="-200279"):
+        daq.stop()

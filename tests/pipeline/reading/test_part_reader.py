@@ -1,4 +1,4 @@
-"""Which senses read a part, with readers that answer at once."""
+"""Which senses read a part, with readers that answer at once, and what parts should read."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
+from pipeline.reading.expected import load_expected
 from pipeline.reading.part_reader import PartReader, senses_of
 from recognition.decide import risk
 from recognition.decide.decision import ReadingFlag
@@ -25,6 +26,7 @@ from recognition.decide.evidence import Log, SenseEvidence
 from recognition.decide.reading import Reading
 from recognition.decide.verify import Verdict, VerifyError
 from recognition.find.part_lines import PartLines
+from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.reader import Reader
 from recognition.surface import Surface
@@ -187,3 +189,35 @@ def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: P
         path.write_bytes(b"no picture")
     with pytest.raises(FileError, match=r"part\.light-0\.png: is not a picture"):
         PartReader(reader).read(part)
+
+
+def test_one_text_for_all_or_a_table(tmp_path: Path) -> None:
+    assert load_expected(" AB 18 ") == "AB 18"
+    path = tmp_path / "wanted.csv"
+    path.write_text("part,text\na.npz,AB18\nb,AB81\n", encoding="utf-8")
+    table = load_expected(str(path))
+    assert table == {"a": "AB18", "b": "AB81"}
+    # a table by any other name is one too, a text with a point in it is none
+    assert load_expected(str(path.rename(tmp_path / "wanted"))) == table
+    assert load_expected("A.B") == "A.B"
+
+
+def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
+    grammar = Grammar(format="AA99")
+    with pytest.raises(
+        SettingsError, match="--verify is 'AB1', but it does not fit the format AA99; correct"
+    ):
+        load_expected("AB1", grammar)
+    with pytest.raises(SettingsError, match="--verify is empty"):
+        load_expected(" ")
+    with pytest.raises(FileError, match="is not there"):
+        load_expected(str(tmp_path / "none.csv"))
+    path = tmp_path / "wanted.csv"
+    path.write_text("part,text\na,AB18\nb,\n", encoding="utf-8")
+    with pytest.raises(FileError, match="gives no text for b"):
+        load_expected(str(path))
+    path.write_text("part,text\na,AB18\nb,AB1\n", encoding="utf-8")
+    with pytest.raises(
+        FileError, match=r"wanted\.csv: b should read 'AB1', but it does not fit the format AA99"
+    ):
+        load_expected(str(path), grammar)

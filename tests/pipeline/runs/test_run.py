@@ -1,9 +1,11 @@
-"""A run's bookkeeping: what is kept of every part, and what a part's own settings change."""
+"""A run's bookkeeping: what is kept of every part, what its settings change, and what a lot teaches itself."""
 
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import pytest
 import sqlalchemy as sa
 
 from glyphs.errors import FileError
+from glyphs.fonts.outlines import load_font
 from glyphs.surface.maps import HeightMap
 from pipeline.common.people_records import Person
 from pipeline.common.reading_records import ReadingRecord
@@ -27,13 +30,24 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY, DriftWatch
 from pipeline.reading.part_job import PartJob, Wants, files_to_send, read_listed, with_local_files
 from pipeline.reading.triage import ReadPart
+from pipeline.runs.lot import (
+    EXEMPLARS_EACH,
+    LEAST_AGREEMENT,
+    MOST_TEACHERS,
+    is_better,
+    needs_another,
+    teachers,
+)
 from pipeline.runs.options import RunOptions
 from pipeline.runs.outputs import RunJournal
 from pipeline.runs.production import run_batch
 from pipeline.runs.run import Run, open_run
 from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
+from recognition.enrol.exemplars import ExemplarError
+from recognition.enrol.learned_font import Learned, agreement, learn_font
 from tests.support.certificates import a_certificate, measured
+from tests.support.felt import blow
 from tests.support.run_tables import FakeExecutor, csv_rows, read_rows
 
 JOB = PartJob(settings=ReadSettings(font=("gothic",), height_mm=3.0, experts=("network",)))
@@ -318,3 +332,117 @@ def test_parts_with_one_serial_go_to_review_in_the_store_too() -> None:
     with contextlib.closing(Store.open("sqlite:///parts.db")) as store:
         store.review(stored["p1"].id, person=Person("Ada"), action=ReviewAction.CONFIRM)
     assert {part.state.value for part in run_once().values()} == {"accepted", "reviewed", "review"}
+
+
+GOTHIC, TIMES = load_font("gothic"), load_font("timesr")
+
+
+@dataclass(frozen=True)
+class Read:
+    part: str
+    text: str
+    decision: str = "accept"
+    confidence: float = 0.95
+    error: str = ""
+
+
+def texts(n: int) -> list[Read]:
+    rng = np.random.default_rng(1)
+    letters = list("ABCDEFGH0123456789")
+    return [
+        Read(f"p{k:03d}", "".join(rng.choice(letters, 8)), confidence=round(float(rng.uniform(0.9, 1.0)), 2))
+        for k in range(n)
+    ]
+
+
+def learned(parts: list[tuple[str, str]]) -> Learned:
+    """Of parts (stamped, as read)."""
+    chars = [char for _, read in parts for char in read]
+    reliefs = [blow(char, 10 * k, GOTHIC) for k, (stamped, _) in enumerate(parts) for char in stamped]
+    return learn_font("lot-die", chars, reliefs, known=(TIMES,), vouching=False)
+
+
+# ---------------------------------------------------------------------------------------------------- who teaches
+
+
+def test_the_order_of_the_parts_makes_no_difference() -> None:
+    lot = texts(200)
+    assert teachers(lot) == teachers(lot[::-1]) == teachers(lot[77:] + lot[:77])
+
+
+def test_only_what_was_accepted_teaches_and_the_surest_first() -> None:
+    lot = [
+        Read("unsure", "ABCD", "review", 0.99),
+        Read("bad", "ABCD", "accept", 0.99, error="cannot be read"),
+        *(Read(f"late{k}", "EFGH", confidence=0.91) for k in range(EXEMPLARS_EACH)),
+        *(Read(f"sure{k}", "EFGH", confidence=0.99) for k in range(EXEMPLARS_EACH)),
+        Read("rare", "E F9", confidence=0.9),
+    ]
+    chosen = teachers(lot)
+    assert [*chosen] == ["rare", *(f"sure{k}" for k in range(EXEMPLARS_EACH))]
+    assert chosen["rare"] == "EF9"
+
+
+def test_every_character_gets_its_exemplars_and_no_more_parts_than_that_takes() -> None:
+    chosen = teachers(texts(400))
+    assert len(chosen) <= MOST_TEACHERS
+    assert min(Counter("".join(chosen.values())).values()) >= EXEMPLARS_EACH
+
+
+def test_nobody_teaches_where_nothing_was_accepted() -> None:
+    assert teachers([replace(outline, decision="review") for outline in texts(30)]) == {}
+
+
+# --------------------------------------------------------------------------------- what a second reading may change
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "better"),
+    [
+        (Read("a", "AB12"), Read("a", "AB17", "accept", 0.99), False),  # an accepted part never changes
+        (Read("a", "AB12"), Read("a", "AB12", "accept", 0.99), False),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB17", "accept", 0.95), True),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB12", "review", 0.8), True),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB12", "review", 0.5), False),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB17", "review", 0.8), False),
+        (Read("a", "", "reject", 0.0), Read("a", "AB12", "accept", 0.95), True),
+        (Read("a", "AB12", "review", 0.6), Read("a", "", "", 0.0, "its worker is lost"), False),
+        (Read("a", "", "", 0.0, "cannot be read"), Read("a", "AB12", "accept", 0.95), False),
+    ],
+)
+def test_a_second_reading_counts_where_it_is_accepted_or_surer(
+    first: Read, second: Read, better: bool
+) -> None:
+    assert is_better(second, first) is better
+    assert needs_another(first) or not better
+
+
+def test_what_counts_counts_for_good() -> None:
+    """Asked again of the reading that was taken, as a run taken up again asks, nothing changes."""
+    second = Read("a", "AB12", "review", 0.8)
+    assert not is_better(second, second)
+
+
+# -------------------------------------------------------------------------------------- a wrong reading teaches nobody
+
+
+def test_fewer_than_three_that_agree_teach_nothing() -> None:
+    """Two of M, three of W of which one is an H: neither is of the die, and readings with them are doubted."""
+    database = learned([*[("K7B2", "K7B2")] * 4, ("MW", "MW"), ("MW", "MW"), ("H", "W")])
+    assert {char for char, used in database.used.items() if used} == set("K7B2")
+    assert database.font.glyphs["M"].guessed
+    assert database.font.glyphs["W"].guessed
+    assert not database.font.glyphs["K"].guessed
+
+
+def test_a_lot_of_which_no_character_is_sure_teaches_nothing() -> None:
+    with pytest.raises(ExemplarError, match="no character has 3 exemplars that agree"):
+        learned([("K7B2", "K7B2")] * 2)
+
+
+def test_parts_of_two_dies_do_not_agree() -> None:
+    text = "K7B2"
+    assert agreement(text * 8, learned([(text, text)] * 8).used) == 1.0
+    reliefs = [blow(c, 10 * k, font) for k, font in enumerate([GOTHIC, TIMES] * 4) for c in text]
+    mixed = learn_font("lot-die", text * 8, reliefs, known=(TIMES,), vouching=False)
+    assert agreement(text * 8, mixed.used) < LEAST_AGREEMENT

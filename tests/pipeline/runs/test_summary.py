@@ -1,8 +1,10 @@
-"""What a run has come to, in numbers and lines."""
+"""What a run has come to, in numbers and lines, and its progress."""
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 from typing import Any
 
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.common.reading_records import ReadingRecord, ReasonRecord
+from pipeline.runs.progress import Progress
 from pipeline.runs.summary import MOST_REASONS, Summary
 
 
@@ -107,3 +110,40 @@ def test_memory_does_not_grow_with_the_rows() -> None:
     assert len(summary.faults) < 600
     assert summary.errors == sum(summary.faults.values()) == 2_000
     assert len(summary.lines(elapsed_s=1.0, read_now=1, workers=1)) <= MOST_REASONS + 8
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_log_has_a_line_a_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    with Progress() as progress:
+        progress.start(2000, 1000)
+        for k in range(200):
+            now += 0.5
+            progress.advance(failed=k < 3)
+        progress.step("for a terminal only")
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.splitlines() == [
+        "1,120 of 2,000 parts, 2.00 a second, 3 with an error, about 7 min left"
+    ]
+
+
+@pytest.mark.parametrize("total", [1, 3])
+def test_a_terminal_shows_the_step_of_a_single_part_too(total: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    with Progress() as progress:
+        progress.start(total)
+        progress.step("drawing the [report]")
+        progress._bar.refresh()
+        progress.advance()
+    assert "drawing the [report]" in terminal.getvalue()
+    assert ("0/3" in terminal.getvalue()) == (total == 3)
