@@ -92,8 +92,8 @@ class Moves:
 
 
 def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
-    """Compute the machine moves of a pass in the plate's frame; `preload_mm` is for one without a preload. Raises
-    StageError: this comb or stage cannot run the pass, or it exceeds a limit."""
+    """Compute the machine moves of a pass in the plate's frame; `preload_mm` is for one without a preload.
+    Raises StageError: this comb or stage cannot run the pass, or it exceeds a limit."""
     stage = bench.stage
     turn = (int(order.direction) + (180 if order.pushed else 0)) % 360
     if turn and not stage.turn_axis:

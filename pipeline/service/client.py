@@ -185,7 +185,7 @@ class Client:
         before: str | None = None,
         limit: int = 50,
     ) -> tuple[PartRecord, ...]:
-        """List parts, newest first: those whose serial and name contain a text, older than the part with the id
+        """List parts whose serial contains `text` and whose name `name`, newest first, up to the part with the id
         `before`."""
         wanted = {"state": state.value if state else "", "text": text, "name": name, "before": before or ""}
         query = {key: value for key, value in wanted.items() if value}

@@ -280,8 +280,8 @@ class Intake:
     ) -> Received:
         """Do the work of a request once, however often it is sent; while it is done, the same request waits for it.
 
-        The store knows what other processes did, or this one before it was restarted. Problem: the key is another
-        request's.
+        The store knows what other processes did, or this one before it was restarted. Raises Problem: the key is
+        another request's.
         """
         if idempotency is None:
             return Received(await work())

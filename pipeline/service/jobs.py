@@ -201,15 +201,15 @@ class JobFolder(RecentFiles):
         ]
 
     def answer(self, name: str) -> JobAnswer:
-        """A job in the list. Problem: 404, there is none."""
+        """A job in the list. Raises Problem: 404, there is none."""
         jobs = {job.name: job for job in self.listed()}
         if name not in jobs:
             raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
         return jobs[name]
 
     def written(self, name: str) -> dict[str, Any] | None:
-        """Content of a job's file, with lines as `ReadSettings.line`; None without a file. Problem: the file cannot be
-        used."""
+        """Content of a job's file, with lines as `ReadSettings.line`; None without a file. Raises Problem: the file
+        cannot be used."""
         if name not in self.files():
             return None
         job = self._job(name)
@@ -322,7 +322,7 @@ def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, D
 
 
 def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
-    """Convert requested settings to those of a job's file. Problem: invalid settings, or a file of the service's
+    """Convert requested settings to those of a job's file. Raises Problem: invalid settings, or a file of the service's
     machine."""
     if not isinstance(body, dict):
         raise Problem(422, "the body is not a JSON object of settings")
@@ -341,8 +341,8 @@ def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
 
 
 def text_to_edit(jobs: JobFolder, name: str) -> str:
-    """The settings of a job as text, files without paths; empty if its file cannot be used. Problem: 404, no such
-    job."""
+    """The settings of a job as text, files without paths; empty if its file cannot be used. Raises Problem: 404, no
+    such job."""
     try:
         written = jobs.written(name)
     except Problem:
@@ -353,7 +353,7 @@ def text_to_edit(jobs: JobFolder, name: str) -> str:
 
 
 def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
-    """Save the text of a job; files that it already names may stay. Problem: no such job, changed meanwhile, or
+    """Save the text of a job; files that it already names may stay. Raises Problem: no such job, changed meanwhile, or
     invalid."""
     with jobs.lock:
         if text_to_edit(jobs, name) != before:

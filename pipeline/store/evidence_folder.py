@@ -166,8 +166,8 @@ class EvidenceFolder:
         return tuple(paths)
 
     def take(self, sha256: str, other: EvidenceFolder) -> FileState:
-        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`). Raises
-        FileError: it cannot be written."""
+        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`).
+        Raises FileError: it cannot be written."""
         target = self.path(sha256)
         if self.state(sha256) is FileState.WHOLE:
             return FileState.WHOLE

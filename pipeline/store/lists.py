@@ -50,7 +50,7 @@ def find_parts(
     before: str | None = None,
     limit: int = 50,
 ) -> tuple[PartRecord, ...]:
-    """Parts, newest first, before the part with the id `before`; texts and names are parts of a word, in either case.
+    """Parts, newest first, before the part with the id `before`; they contain `text` and `name` in either case.
 
     Args:
         agreement: with the line's own reader, of parts read in shadow mode.

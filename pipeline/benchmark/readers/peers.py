@@ -159,8 +159,8 @@ def _tesseract(chars: str) -> LineReader:
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """A mode that reads one of `PICTURES` with a third-party engine; without a format any letter or digit. Raises
-    ModeUnavailableError: the engine or its data are not installed."""
+    """A mode that reads one of `PICTURES` with a third-party engine; without a format any letter or digit.
+    Raises ModeUnavailableError: the engine or its data are not installed."""
     places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
     read_line = open_engine(engine, "".join(sorted(set("".join(places)))) or _ALPHABET)
     felt = picture in _FELT

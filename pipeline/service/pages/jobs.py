@@ -50,7 +50,7 @@ class Lesson(BaseModel):
     by: str = ""
 
     def taught(self) -> tuple[NamedLine, float | None]:
-        """The taught line, and the height of its characters. Problem: something that is not a number, no box, no
+        """The taught line, and the height of its characters. Raises Problem: something that is not a number, no box, no
         text."""
         if not self.text:
             raise Problem(422, "type the text that stands in the box")

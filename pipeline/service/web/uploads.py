@@ -52,7 +52,7 @@ class Upload:
 
 
 def check_count(photos: int) -> None:
-    """Refuse too many photographs of a part. Problem: 422."""
+    """Refuse too many photographs of a part. Raises Problem: 422."""
     if photos > MOST_PHOTOS:
         raise Problem(422, f"there are {photos} photos; {MOST_PHOTOS} of a part are allowed")
 
@@ -64,8 +64,8 @@ def sent_name(name: str | None) -> str:
 
 
 async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1) -> Upload:
-    """Write an upload into the folder; photographs have numbers. Problem: 415 for another kind of file, 422 for an
-    empty one."""
+    """Write an upload into the folder; photographs have numbers. Raises Problem: 415 for another kind of file, 422 for
+    an empty one."""
     import anyio.to_thread
 
     name = sent_name(sent.filename)
@@ -88,8 +88,8 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
 
 
 def suffix_of(role: str, name: str, head: bytes) -> str:
-    """The suffix for a file: by its first `HEAD_BYTES` for a photograph, by its name for a scan. Problem: 415, another
-    kind."""
+    """The suffix for a file: by its first `HEAD_BYTES` for a photograph, by its name for a scan. Raises Problem: 415,
+    another kind."""
     if role == "photo":
         kind = kind_of(head)
         if kind is None:
