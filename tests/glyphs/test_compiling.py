@@ -39,7 +39,7 @@ from pipeline.workers.executors import Executor
 from pipeline.workers.options import WorkerSettings
 WorkerSettings.opened = lambda *_, **__: nullcontext(Executor())  # here, where kernels are counted
 for name in sys.argv[1:]:
-    assert main(["read", name, "--font", "gothic", "--format", "AA99", "--height-mm", "5"]) == 0
+    assert main(["read", name, "--font", "gothic", "--format", "A9", "--height-mm", "4"]) == 0
 modules = [m for name, m in sys.modules.items() if name.split(".")[0] in ("glyphs", "whisker_array", "recognition")]
 kernels = {id(k): k for m in modules for k in vars(m).values() if isinstance(k, CPUDispatcher)}
 for one in kernels.values():
@@ -115,7 +115,7 @@ def test_read_only_views_are_of_one_type_and_leave_the_array_alone() -> None:
 def test_every_kernel_is_compiled_for_one_kind_of_arguments(tmp_path: Path) -> None:
     parts = []
     for name, dirt in (("clean", 0.0), ("dirty", 0.4)):
-        spec = SynthSpec("AA99", seed=1, soiling=Soiling(severity=dirt))
+        spec = SynthSpec("A9", seed=1, height_mm=4.0, soiling=Soiling(severity=dirt))
         write_part(spec, tmp_path / name, 0, photos=False)
         parts.append(str(tmp_path / f"{name}.npz"))
     done = subprocess.run(
