@@ -39,9 +39,8 @@ def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pyt
     templates: dict[str, str] = {}
 
     def new_store(backend: str, request: pytest.FixtureRequest) -> str:
-        name = f"store_{next(numbers)}"
         if backend == "sqlite":
-            template, made = folder / "template.db", folder / f"{name}.db"
+            template, made = folder / "template.db", folder / f"store_{next(numbers)}.db"
             if backend not in templates:
                 templates[backend] = str(template)
                 Store.open(f"sqlite:///{template}").close()
@@ -51,7 +50,9 @@ def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pyt
         if backend not in templates:
             templates[backend] = "template_store"
             Store.open(server.create("template_store")).close()
-        return server.create(name, like="template_store")
+        lent = server.lend("template_store")
+        request.addfinalizer(lambda: server.take_back(lent, "template_store"))
+        return server.url(lent)
 
     return new_store
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import itertools
 import os
 import pwd
 import shutil
@@ -13,11 +14,37 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tests.support.waiting import program
 
+if TYPE_CHECKING:
+    import psycopg
+
 _START_S = 30.0
 _PR_SET_PDEATHSIG = 1
+
+
+# what the tables of a database are like, whatever is in them
+_SHAPE = """SELECT string_agg(line, ' ' ORDER BY line) FROM (
+    SELECT concat_ws(' ', table_name, column_name, data_type, is_nullable, column_default) AS line
+        FROM information_schema.columns WHERE table_schema = 'public'
+    UNION ALL SELECT indexdef FROM pg_indexes WHERE schemaname = 'public'
+    UNION ALL SELECT conrelid::regclass || pg_get_constraintdef(oid) FROM pg_constraint
+        WHERE connamespace = 'public'::regnamespace
+    UNION ALL SELECT setconfig::text FROM pg_db_role_setting) AS lines"""
+Content = tuple[Any, dict[str, bytes], list[tuple[str, int | None]]]
+
+
+def _content(connection: psycopg.Connection) -> Content:
+    """Shape, rows of each table as they are copied, and last values of the sequences of a database."""
+    names = connection.execute("SELECT tablename FROM pg_tables WHERE schemaname = 'public'").fetchall()
+    tables = {}
+    for (name,) in names:
+        with connection.cursor().copy(f'COPY "{name}" TO STDOUT'.encode()) as copy:
+            tables[name] = b"".join(map(bytes, copy))
+    sequences = connection.execute("SELECT sequencename, last_value FROM pg_sequences").fetchall()
+    return connection.execute(_SHAPE).fetchone(), tables, sequences
 
 
 class PostgresServer:
@@ -28,6 +55,8 @@ class PostgresServer:
         self._program, initdb, self._user = program("postgres"), program("initdb"), _unprivileged()
         self.folder = Path(tempfile.mkdtemp(prefix="tactile-marks-pg-"))
         self._process: subprocess.Popen[bytes] | None = None
+        self._clean, self._numbers = list[str](), itertools.count()
+        self._templates: dict[str, Content] = {}
         try:
             if self._user is not None:
                 os.chown(self.folder, self._user, -1)
@@ -93,6 +122,36 @@ class PostgresServer:
         with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
             connection.execute(f"CREATE DATABASE {name} TEMPLATE {like} STRATEGY FILE_COPY".encode())
         return self.url(name)
+
+    def lend(self, like: str) -> str:
+        """Name of a database with all that another has: one that was given back, or a new one, of 400 files."""
+        if not self._clean:
+            self._clean.append(f"lent_{next(self._numbers)}")
+            self.create(self._clean[-1], like=like)
+        return self._clean.pop()
+
+    def take_back(self, name: str, like: str) -> None:
+        """Give a database again what the other has; one whose tables were changed, or that is in use, is left."""
+        import psycopg
+
+        if like not in self._templates:
+            with psycopg.connect(self.url(like)) as connection:
+                self._templates[like] = _content(connection)
+        shape, tables, sequences = self._templates[like]
+        with contextlib.suppress(psycopg.Error), psycopg.connect(self.url(name)) as connection:
+            connection.execute("SET lock_timeout = '1s'")
+            connection.execute("SET session_replication_role = replica")  # rows go in any order
+            if connection.execute(_SHAPE).fetchone() != shape:
+                return
+            for table, rows in tables.items():
+                connection.execute(f'DELETE FROM "{table}"'.encode())
+                if rows:
+                    with connection.cursor().copy(f'COPY "{table}" FROM STDIN'.encode()) as copy:
+                        copy.write(rows)
+            for sequence, value in sequences:
+                connection.execute("SELECT setval(%s, %s, %s)", (sequence, value or 1, value is not None))
+            connection.commit()
+            self._clean.append(name)
 
     def kill(self) -> None:
         """As a crash does."""
