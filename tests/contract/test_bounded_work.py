@@ -201,7 +201,7 @@ def _memory_mb(service: RunningService) -> float:
     return total
 
 
-EXAMPLES = 3
+EXAMPLES = 2
 CHECKS = [
     not_a_server_error,
     status_code_conformance,

@@ -4,9 +4,7 @@ kept readings."""
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -182,57 +180,6 @@ def test_accepted_readings_reach_the_threshold_of_their_source(seed: int) -> Non
             assert len(accepted) == max(test.accepted for test in tests)
     broken = replace(judged[0].reading, broken=True)
     assert not accepts(Judged("tactile", broken, 1.0), thresholds, 0.05)
-
-
-def raw_reading(reading: KeptReading, *, flags: tuple[str, ...] = ()) -> dict[str, Any]:
-    """A reading as `risk_parts.py` keeps it."""
-    lattice = reading.recognised
-    lattices = {} if lattice is None else {"together": (CHARS, lattice.log_belief.astype(np.float32))}
-    measures = {Measure.FORMAT.name: -0.25, Measure.CONFIDENCE.name: 0.5}
-    return {
-        "text": reading.text, "flags": flags, "lattices": lattices, "measures": measures,
-        "odds": -0.5, "probability": 0.5,
-    }  # fmt: skip
-
-
-def test_kept_readings_come_back(tmp_path: Path) -> None:
-    part = replace(drawn_parts(11, 1)[0], number=7, severity=0.6)
-    nothing = KeptReading("", False, 1.0, {}, None, None)
-    raw: Mapping[str, Any] = {
-        **{
-            name: getattr(part, name)
-            for name in ("number", "generator", "font", "severity", "format", "text")
-        },
-        "readings": {
-            "tactile": raw_reading(part.readings["tactile"], flags=("LOW_CONFIDENCE", "STROKES_MISSING")),
-            "vision": raw_reading(nothing, flags=("NO_CHARACTERS",)),
-            "fused": raw_reading(part.readings["tactile"], flags=("FORMAT_OVERRULED",)),
-        },
-    }
-    np.savez_compressed(tmp_path / "kept.npz", **kept_readings.pack([raw]))
-    (back,) = kept_readings.load(tmp_path / "kept.npz")
-    assert (back.number, back.generator, back.font, back.severity, back.text) == (
-        7,
-        "other",
-        "font0-a",
-        0.6,
-        part.text,
-    )
-    touch = back.readings["tactile"]
-    assert (touch.text, touch.broken, touch.measures) == (
-        part.readings["tactile"].text,
-        False,
-        {Measure.FORMAT: -0.25},
-    )
-    # half floats keep a log probability to one part in two thousand
-    assert touch.recognised is not None
-    assert part.readings["tactile"].recognised is not None
-    np.testing.assert_allclose(
-        touch.recognised.log_belief, part.readings["tactile"].recognised.log_belief, rtol=1e-3, atol=1e-6
-    )
-    assert touch.count_probability == pytest.approx(expit(-0.5) / 0.5)
-    assert back.readings["vision"].recognised is None
-    assert back.readings["fused"].broken
 
 
 def test_the_shipped_fit_is_that_of_the_kept_readings() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glyphs.errors import FileError, MissingExtraError
+from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
-from pipeline.cli.main import main
 from pipeline.formats.import_traces import import_traces
 from pipeline.formats.traces_file import TracesFile, read_traces_file
 from tests.factories import scanned
@@ -187,49 +185,6 @@ def test_tdms_is_the_scan_again_and_its_damage_is_said(scan: Scan, tmp_path: Pat
         import_traces([path], layout, touch=TOUCH)
 
 
-def test_tdms_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "t.tdms").write_bytes(b"TDSm")
-    monkeypatch.setitem(__import__("sys").modules, "nptdms", None)
-    with pytest.raises(MissingExtraError, match=r"tactile-marks\[tdms\]"):
-        import_traces([tmp_path / "t.tdms"], told(), touch=TOUCH)
-
-
-def _line(text: str, n: int, old: str, new: str) -> str:
-    lines = text.splitlines()
-    lines[n - 1] = lines[n - 1].replace(old, new)
-    return "\n".join(lines) + "\n"
-
-
-def _swapped(text: str, first: int, second: int) -> str:
-    lines = text.splitlines()
-    lines[first - 1], lines[second - 1] = lines[second - 1], lines[first - 1]
-    return "\n".join(lines) + "\n"
-
-
-@pytest.mark.parametrize(
-    ("spoil", "says"),
-    [
-        (lambda s: _line(s, 5, ",1,", ",oops,"), r"says 'oops' in line 5, column 'up'; write a number"),
-        (lambda s: s.replace("x,y", "X,y", 1), r"has no column 'x' \(it has X, y, up"),
-        (lambda s: s.replace("x,y", "x,x", 1), r"has 2 columns 'x'; name them by number"),
-        (lambda s: s + "1,2\n", r"has 2 values in line \d+, none for column 'a'"),
-        (lambda s: _line(s, 9, "", "").replace("\n", "\n\n", 9), r"has an empty line 2 before further values"),
-        (lambda s: s.splitlines()[0] + "\n", "has no values below its header"),
-        (lambda s: _line(s, 7, s.splitlines()[6].split(",")[0], ""), "has no position in line 7"),
-        (lambda s: _line(s, 8, s.splitlines()[7].split(",")[-1], "0"), "has times that run back in line 8; sort"),
-        (lambda s: re.sub(r"(,[01]),\d+,", r"\1,0,", s), "moves .* in x and .* in y in pass 0"),
-        (lambda s: "\n".join(s.splitlines()[:100]) + "\n", r"runs from .* to .* mm in pass 1; the passes at 0° have"),
-        (lambda s: _swapped(s, 40, 60), "has times that run back in line 41; sort the lines"),
-        (lambda s: "\x00\xff" + s, "has no column|is no text"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_said_with_its_place(scan: Scan, tmp_path: Path, spoil: Any, says: str) -> None:
-    path = write_csv(tmp_path / "t.csv", rows_of(scan))
-    path.write_text(spoil(path.read_text()))
-    with pytest.raises(FileError, match=rf"t\.csv: .*({says})"):
-        import_traces([path], told(), touch=TOUCH)
-
-
 @pytest.mark.parametrize(
     ("more", "says"),
     [
@@ -252,38 +207,3 @@ def test_a_wrong_key_is_named(tmp_path: Path, more: str, says: str) -> None:
         read_traces_file(path)
     assert f"{path}: " in str(failure.value)
     assert says in str(failure.value)
-
-
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        (
-            {"moment_unit": "N*m"},
-            r"says moment_unit = 'N\*m', other unit: land gives .* times .*correct moment_unit; write \"V\"",
-        ),
-        ({"position_unit": "m"}, r'moves at .* mm/s .* or position_unit = "mm" if that is their unit'),
-        ({"part_mm": (500.0, 0.0, 520.0, 20.0)}, "do not cross part_mm at 0°; correct part_mm"),
-    ],
-)
-def test_units_and_extents_of_no_bench_are_refused(
-    scan: Scan, tmp_path: Path, keys: dict[str, Any], says: str
-) -> None:
-    rows = rows_of(scan)
-    if "moment_unit" in keys:
-        rows = {name: 50.0 * values if name in ("a", "b") else values for name, values in rows.items()}
-    path = write_csv(tmp_path / "t.csv", rows)
-    with pytest.raises(FileError, match=says):
-        import_traces([path], told(**keys), touch=TOUCH)
-
-
-def test_the_command_says_which_whisker_is_missing(
-    scan: Scan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    table, toml = write_csv(tmp_path / "t.csv", rows_of(scan)), tmp_path / "traces.toml"
-    toml.write_text(
-        "whisker = 'w.toml'\nacross_mm = [0.0, 0.5, 1.0]\n[columns]\nmoment = ['a', 'b', 'c']\nx = 'x'\ny = 'y'\n"
-    )
-    out = tmp_path / "scan.h5"
-    assert main(["import", str(table), "--traces", str(toml), "--out", str(out)]) == 1
-    assert "traces.toml: names the whisker w.toml, which is not there" in capsys.readouterr().err
-    assert not out.exists()

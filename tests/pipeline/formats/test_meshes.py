@@ -15,7 +15,6 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from glyphs import stamp
-from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
@@ -23,16 +22,12 @@ from pipeline.formats.grid import part_map
 from pipeline.formats.raw_map import RawMap
 from pipeline.formats.touch_file import read_height_map
 from recognition.see.levelling import square_to_plate
-from tests.support.bad_files import PCD_HEAD
 from tests.support.felt import tilted
 
 trimesh = lazy_loader.load("trimesh")
 PART = stamp("K7", fonts="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
 TURN = np.array([[0.96, -0.28, 0.0], [0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])
-
-
-NO_Y = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float z\nend_header\n0 0\n1 1\n2 2\n3 3\n"
 
 
 def points() -> NDArray[np.float64]:
@@ -172,35 +167,6 @@ def test_a_block_keeps_its_axes(tmp_path: Path) -> None:
     body = trimesh.creation.box((30.0, 12.0, 20.0))
     body.export(tmp_path / "block.stl")
     assert read_height_map(tmp_path / "block.stl").size_mm == pytest.approx((30.0, 12.0), abs=0.2)
-
-
-def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:
-    trimesh.creation.box((20.0, 10.0, 4.0)).export(tmp_path / "box.stl")
-    height_map = read_height_map(tmp_path / "box.stl")
-    assert height_map.z_mm == pytest.approx(2.0)
-    assert height_map.size_mm == pytest.approx((20.0, 10.0), abs=2.0 * height_map.pitch_mm)
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "message"),
-    [
-        ("a.stl", b"", "is empty"),
-        ("a.stl", b"solid nothing", "damaged|holds 0 points"),
-        ("a.stl", bytes(80) + b"\xff\xff\xff\x7f" + bytes(50), "damaged|holds 0 points"),
-        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n", "ends too soon"),
-        ("a.ply", b"hello, this is text", "damaged"),
-        ("a.pcd", PCD_HEAD % 1_000_000_000 + bytes(1200), "ends too soon"),
-        ("a.xyz", b"0 0 0\n1 2 1\n2 4 0\n3 6 1\n4 8 0\n", "holds a profile"),
-        ("a.las", b"LASF" + bytes(50), "ends too soon"),
-        ("a.ply", NO_Y, "has no y; export x, y and z"),
-        ("a.xyz", b"0 0 0\n1 0 0\n2 0 0\n3 0 0\n4 0 nan\n", "profile"),
-        ("a.asc", b"1 2 nan\n" * 9, "holds 0 points"),
-    ],
-)  # fmt: skip
-def test_bad_files_are_refused(name: str, data: bytes, message: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(data)
-    with pytest.raises(FileError, match=message):
-        read_height_map(tmp_path / name)
 
 
 def test_long_thin_triangles_are_drawn_by_what_they_cover(tmp_path: Path) -> None:

@@ -269,14 +269,6 @@ def test_every_object_listed_is_fetched(bucket: str) -> None:
                 assert Path(copy).read_bytes() == OBJECTS[name.removeprefix("s3://lots/")]
 
 
-def test_what_a_bucket_has_not_or_has_too_long(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    refused("s3://nowhere/a.npz", "is not there; check the name")
-    for folder in (f"{bucket}/lot", f"{bucket}/lot/empty/", bucket):
-        refused(folder, "is not a file; name a file, or the folder among the inputs")
-    monkeypatch.setitem(MOST_BYTES, "height_map", 3)
-    refused(f"{bucket}/lot/a.npz", "over the limit of .*; crop it")
-
-
 def test_without_credentials(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
     forget()
     monkeypatch.delenv("AWS_ACCESS_KEY_ID")

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import sys
-import zipfile
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 import sdfio
@@ -111,17 +108,6 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         read_height_map(tmp_path / "a.sur")
 
 
-def test_chunks_of_a_recording_are_counted_on_the_command_line_as_in_the_service(tmp_path: Path) -> None:
-    path = tmp_path / "chunks.h5"
-    with h5py.File(path, "w") as file:
-        file.create_dataset("scan/signal", data=np.zeros((60_000, 1), dtype=np.float32), chunks=(1, 1))
-    for most in (None, 1_000_000):
-        with pytest.raises(
-            FileError, match=r"chunks\.h5: /scan/signal has 60,000 chunks; write it in larger"
-        ):
-            read_scan(path, most=most)
-
-
 Z = np.zeros((4, 5), np.float32)
 MAP = HeightMap(Z, 0.05)
 
@@ -181,18 +167,6 @@ def test_bad_soil_is_refused_by_name(case: str, tmp_path: Path) -> None:
     assert str(path) in str(caught.value)
     assert message in str(caught.value)
     assert caught.value.hint
-
-
-def test_a_member_is_looked_at_before_it_is_unpacked(tmp_path: Path) -> None:
-    """20,000 x 20,000 are declared, and nothing follows."""
-    header = io.BytesIO()
-    array = {"descr": "<f4", "fortran_order": False, "shape": (20_000, 20_000)}
-    np.lib.format.write_array_header_1_0(header, array)
-    write_npz(tmp_path / "a.npz", MAP)
-    with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
-        archive.writestr("friction.npy", header.getvalue())
-    with pytest.raises(FileError, match="friction has shape"):
-        read_part_map(tmp_path / "a.npz")
 
 
 def test_scan_feels_what_the_file_tells_of(tmp_path: Path) -> None:

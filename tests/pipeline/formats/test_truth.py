@@ -114,11 +114,6 @@ def test_parts_of_subfolders_find_their_line(table: list[str], part: str, name: 
     assert PartTexts(dict.fromkeys(table, "")).name_of(part) == name
 
 
-def test_a_table_may_name_files_of_several_folders(tmp_path: Path) -> None:
-    content = b"file,text\n28/0001.jpg,A1\n29\\0001.jpg,B2\n"
-    assert truth_of(tmp_path, content) == {"28/0001": "A1", "29/0001": "B2"}
-
-
 def workbook(path: Path, *rows: tuple[Any, ...], formats: dict[str, str] | None = None) -> Path:
     book = openpyxl.Workbook()
     for row in rows:
@@ -147,23 +142,6 @@ def test_a_number_that_a_workbook_has_rounded_is_refused(tmp_path: Path) -> None
         FileError, match=r"line 2 holds 1\.23457E\+15, a serial that a spreadsheet has rounded"
     ):
         load_truth(path)
-
-
-@pytest.mark.parametrize("content", [b"PK\x03\x04", b"PK\x03\x04" + bytes(range(256)) * 9])
-def test_a_damaged_workbook_is_told(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / "order.xlsx").write_bytes(content)
-    with pytest.raises(
-        FileError, match=r"order.xlsx: is not a workbook \(.xlsx\), or damaged; save its sheet"
-    ):
-        read_order(tmp_path / "order.xlsx")
-
-
-def test_an_order_may_be_a_workbook(tmp_path: Path) -> None:
-    path = workbook(tmp_path / "order.xlsx", ("Pos", "Serial"), (1, "KX1"), (2, "KX10..KX12"))
-    order = read_order(path)
-    assert [text for text in ("KX1", "KX10", "KX11", "KX12", "KX2") if order.holds(text)] == [
-        "KX1", "KX10", "KX11", "KX12",
-    ]  # fmt: skip
 
 
 DASHES = ["KX636637-KX636655", "KX636637 - KX636655", "KX636637\u2013KX636655", "KX636637…KX636655"]

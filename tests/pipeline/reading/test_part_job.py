@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -22,7 +21,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
 from pipeline.reading.part_job import PartJob, read_sent
-from pipeline.reading.readers import MOST_KEPT, reader_of
+from pipeline.reading.readers import reader_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage
@@ -151,16 +150,6 @@ def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as
     assert str(tmp_path) not in note
 
 
-@pytest.mark.parametrize(("given", "shown"), [("photo.png", "photo.png"), ("", "upload-7")])
-def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, shown: str) -> None:
-    path = tmp_path / "upload-7"
-    path.write_bytes(b"no picture")
-    with pytest.raises(FileError) as caught:
-        read(tmp_path, photo=path, names={str(path): given})
-    assert str(caught.value).startswith(f"{shown}: is not a picture")
-    assert str(tmp_path) not in str(caught.value)
-
-
 def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
     settings = SETTINGS.model_copy(update={"format": ("AA99",)})
     with pytest.raises(FileError, match=r"^expected: is '12'"):
@@ -204,24 +193,6 @@ def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
     with pytest.raises(FileError) as caught:
         read(folder, photo=parts.photo)
     assert isinstance(caught.value, OwnFileError) == own
-
-
-def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:
-    from glyphs.fonts.outlines import load_font
-    from pipeline.formats.glyph_database import GlyphDatabase, save_database
-
-    path = tmp_path / "dies.npz"
-    save_database(GlyphDatabase(fonts={"gothic": load_font("gothic")}), path)
-    settings = ReadSettings(database=path)
-    first = reader_of(settings)
-    assert reader_of(settings) is first
-    changed = path.stat().st_mtime_ns + 10**9
-    os.utime(path, ns=(changed, changed))
-    second = reader_of(settings)
-    assert second is not first
-    for k in range(MOST_KEPT):
-        reader_of(ReadSettings(height_mm=1.0 + k))
-    assert reader_of(settings) is not second
 
 
 def test_without_a_scale_the_whole_field_is_asked_for(parts: Parts) -> None:

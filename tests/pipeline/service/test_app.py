@@ -1,10 +1,8 @@
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +11,14 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
-from pipeline.common.settings import Limits, SettingsError
+from pipeline.common.settings import Limits
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.triage import ReadPart
-from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.stage.devices import load_driver
 from pipeline.workers.machine import Machine
-from tests.support.scans import feel_plan
 from tests.support.service_fixtures import FORMAT, Served, inline_service
-from tests.support.store_samples import PLAN, STAGE_PLAN, reading
+from tests.support.store_samples import PLAN, reading
 
 CLEAN = "clean"
-WHOLE_PLATE = replace(STAGE_PLAN, region_mm=(0.0, 0.0, 60.0, 15.0))
 WEBHOOK = {"url": "http://127.0.0.1:9/none"}
 
 
@@ -220,13 +214,14 @@ def test_an_unknown_field_of_a_form_is_named_with_the_known_ones(
     ],
 )  # fmt: skip
 def test_a_form_that_would_be_read_in_part_is_refused(
-    tmp_path: Path, form: dict[str, Any], says: str
+    served: Served, form: dict[str, Any], says: str
 ) -> None:
-    with inline_service(tmp_path) as (service, client):
-        for sent in (form, {**form, "files": [*form.get("files", ()), ("photo", ("a.png", b"x"))]}):
-            refused = client.post("/v1/parts", **sent)
-            assert (refused.status_code, refused.json()["detail"]) == (422, says)
-        assert service.store.parts() == ()
+    service, client = served
+    before = service.store.parts()
+    for sent in (form, {**form, "files": [*form.get("files", ()), ("photo", ("a.png", b"x"))]}):
+        refused = client.post("/v1/parts", **sent)
+        assert (refused.status_code, refused.json()["detail"]) == (422, says)
+    assert service.store.parts() == before
 
 
 @pytest.mark.parametrize(
@@ -243,12 +238,11 @@ def test_a_form_that_would_be_read_in_part_is_refused(
     ],
 )  # fmt: skip
 def test_an_invalid_value_is_named_as_the_sender_knows_it(
-    tmp_path: Path, method: str, address: str, sent: dict[str, Any], says: str
+    client: TestClient, method: str, address: str, sent: dict[str, Any], says: str
 ) -> None:
-    with inline_service(tmp_path) as (_, client):
-        headers = {"Content-Type": "application/json"} if "content" in sent else {}
-        refused = client.request(method, address, headers=headers, **sent)
-        assert (refused.status_code, refused.json()["detail"][: len(says)]) == (422, says)
+    headers = {"Content-Type": "application/json"} if "content" in sent else {}
+    refused = client.request(method, address, headers=headers, **sent)
+    assert (refused.status_code, refused.json()["detail"][: len(says)]) == (422, says)
 
 
 def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
@@ -310,36 +304,6 @@ def test_touch_that_felt_another_part_than_the_camera_saw_is_not_accepted(
         refused = client.post(f"/v1/parts/{waiting[1]}/scan", files=felt)
         assert refused.status_code == 409
         assert "photographs" in refused.json()["detail"]
-
-
-class Iron:
-    """A driver of a stage, as an integrator writes one: here it has a recording ready."""
-
-    recording: Path
-
-    def feel(self, order: ScanOrder, into: Path) -> Path:
-        assert order.plan.region_mm[2] > order.plan.region_mm[0]
-        return Path(shutil.copy(self.recording, into / "felt.h5"))
-
-
-def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
-    tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    Iron.recording = feel_plan(SimulatedStage(parts), ScanOrder(CLEAN, WHOLE_PLATE), tmp_path)
-    monkeypatch.setattr("pipeline.formats.synth.iron_stage", Iron, raising=False)
-    with inline_service(tmp_path / "s", stage={"device": "pipeline.formats.synth:iron_stage"}) as (
-        service,
-        client,
-    ):
-        part_id = new_part_id()
-        service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=WHOLE_PLATE)
-        part = client.post(f"/v1/parts/{part_id}/touch").json()
-        assert (part["state"], part["text"]) == ("accepted", truth(parts))
-    for wrong, says in (("nowhere", "module:name"), ("no.such:thing", "found"), ("json:no_such", "found")):
-        with pytest.raises(SettingsError, match=says):
-            load_driver(wrong, verbs=("feel",))
-    with pytest.raises(SettingsError, match="no method 'open' or 'feel'"):
-        load_driver("builtins:dict", verbs=("open", "feel"))
 
 
 def test_the_description_of_the_interface_is_of_the_routes_for_programs(client: TestClient) -> None:

@@ -100,6 +100,15 @@ def open_one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield both
 
 
+@pytest.fixture(scope="module")
+def named(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A service under host names of a plant."""
+    with inline_service(
+        tmp_path_factory.mktemp("named"), hosts=("marks.plant.example", "*.plant.example")
+    ) as both:
+        yield both
+
+
 @pytest.mark.parametrize("kind", ["application/json", "multipart/form-data; boundary=x", "text/plain"])
 @pytest.mark.parametrize(
     ("path", "status"),
@@ -150,10 +159,9 @@ def test_what_brings_no_files_may_bring_little(open_one: Served, path: str, leng
     ],
 )
 def test_a_host_name_that_is_not_in_the_settings_is_refused_by_the_setting_s_name(
-    tmp_path: Path, host: str, status: int, caplog: pytest.LogCaptureFixture
+    named: Served, host: str, status: int, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with inline_service(tmp_path, hosts=("marks.plant.example", "*.plant.example")) as (_, client):
-        answers = [client.get(path, headers={"Host": host.encode()}) for path in ("/healthz", "/readyz")]
+    answers = [named[1].get(path, headers={"Host": host.encode()}) for path in ("/healthz", "/readyz")]
     assert [answer.status_code for answer in answers] == [status, status]
     for answer in answers if status == 400 else ():
         assert answer.headers["content-type"] == "application/problem+json"

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import AsyncMock, Mock
+from unittest.mock import Mock
 
 import pytest
 from starlette.testclient import TestClient
@@ -27,8 +27,6 @@ from pipeline.service import worker_calls
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
-from pipeline.store.errors import AlreadyDoneError
-from pipeline.store.parts import IdempotencyKey
 from pipeline.workers.executors import WorkerLostError
 from tests.support.service_fixtures import Served, inline_service, triggered
 from tests.support.store_samples import PLAN, reading
@@ -240,39 +238,6 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
             assert client.get("/readyz").status_code == 503
     finally:
         back.set()
-
-
-def test_a_replay_that_fails_leaves_nobody_waiting(served: Served) -> None:
-    intake = served[0].intake
-    taken = AsyncMock(side_effect=AlreadyDoneError(part_id=new_part_id(), fingerprint="of another request"))
-
-    async def several() -> list[Any]:
-        tries = [intake.carry_out(IdempotencyKey("key", "mine"), taken) for _ in range(3)]
-        return await asyncio.wait_for(asyncio.gather(*tries, return_exceptions=True), 20.0)
-
-    made = asyncio.run(several())
-    assert [type(error) for error in made] == [Problem] * 3
-    assert {error.status for error in made} == {422}
-
-
-def test_while_it_drains_it_is_not_ready_and_takes_no_part(served: Served, plate: bytes) -> None:
-    service, client = served
-    kept = sent(client, plate).json()
-    service.drain()
-    assert is_server_fault(sent(client, plate))
-    ready = client.get("/readyz")
-    assert (ready.status_code, "stopping" in ready.json()["detail"]) == (503, True)
-    assert client.get("/healthz").status_code == 200
-    assert client.get(f"/v1/parts/{kept['id']}").json() == kept
-
-
-def test_a_request_cut_short_by_the_end_is_told_to_come_again(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    service, client = served
-
-    monkeypatch.setattr(service.intake, "touch", AsyncMock(side_effect=asyncio.CancelledError))
-    assert is_server_fault(client.post(f"/v1/parts/{new_part_id()}/touch"))
 
 
 def test_the_first_signal_drains_and_the_second_stops() -> None:

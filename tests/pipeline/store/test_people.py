@@ -142,18 +142,6 @@ def test_two_who_cannot_read_it_agree_too_and_a_correction_needs_two_again(store
     assert said(store, part.id, GRACE, "KX1") is PartState.REVIEWED  # as it stands
 
 
-def test_who_has_reviewed_a_part_can_undo_it(store: Store) -> None:
-    part = received(store, PartState.REVIEW, "KX4")
-    said(store, part.id, ADA, "KX1", readers=1)
-    with pytest.raises(ConflictError, match="reviewed by Ada"):
-        store.undo_review(part.id, person=GRACE)
-    undone = store.undo_review(part.id, person=ADA, targets=("mqtt",))
-    assert (undone.state, undone.text, store.undelivered()) == (PartState.REVIEW, "KX4", 1)
-    assert store.statistics(START).reviewed == 0
-    with pytest.raises(ConflictError, match="is not reviewed"):
-        store.undo_review(part.id, person=ADA)
-
-
 # ---- audits
 
 

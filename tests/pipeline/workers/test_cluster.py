@@ -5,22 +5,17 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-from unittest.mock import Mock
 
 import pytest
 
 from pipeline.workers.cluster import ClusterError, ClusterExecutor
-from pipeline.workers.executors import Outcome, WorkerLostError
 from tests.support.cluster_process import ClusterProcess, cluster_process
-from tests.support.executor_calls import dies_of_seven, doubled, noted, noted_by_two
+from tests.support.executor_calls import dies_of_seven, doubled, noted
 from tests.support.waiting import wait_until
 
 distributed = pytest.importorskip("distributed")
-COUNT = 40
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +36,7 @@ def cluster(scheduler: ClusterProcess) -> ClusterProcess:
 
 @pytest.mark.parametrize(
     "answer",
-    [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", (2**31).to_bytes(8, "little") + b"\xff" * 200, b"\0" * 8],
+    [b"HTTP/1.1 400 Bad Request\r\n\r\n", (2**31).to_bytes(8, "little") + b"\xff" * 200],
 )
 def test_what_is_no_scheduler_is_one_message_in_time(
     answer: bytes, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
@@ -81,64 +76,6 @@ def test_a_worker_is_no_scheduler(cluster: ClusterProcess) -> None:
         worker = next(iter(client.scheduler_info()["workers"]))
     with pytest.raises(ClusterError, match="it is a Worker"):
         ClusterExecutor(worker).__enter__()
-
-
-def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, tmp_path: Path) -> None:
-    with ClusterExecutor(cluster.address) as executor:
-        wait_until(lambda: executor.count() == 2)
-        outcomes = list(executor.calls(noted_by_two, str(tmp_path), range(COUNT)))
-        assert sorted(o.task for o in outcomes) == list(range(COUNT))
-        assert [o.error for o in outcomes if o.result != o.task] == []
-        assert executor.workers == 2
-    assert len({p.read_text().split()[0] for p in tmp_path.iterdir()}) == 2, cluster.told()
-
-
-@pytest.mark.parametrize(("innocent", "tried"), [((), {7: 1}), ((3,), {3: 2, 7: 2})], ids=["alone", "beside"])
-def test_who_is_blamed_beside_the_one_that_kills_is_tried_by_itself(
-    cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch, innocent: tuple[int, ...], tried: dict[int, int]
-) -> None:
-    """The scheduler blames all that a lost worker had before it."""
-    told = ClusterExecutor._outcome
-    seen: Counter[int] = Counter()
-
-    def blamed(self: ClusterExecutor, future: Any, task: int) -> Outcome[int, int]:
-        seen[task] += 1
-        if task == 7 or (task in innocent and seen[task] == 1):
-            return Outcome(task, error=WorkerLostError("workers have died of it", tried=True))
-        return told(self, future, task)
-
-    monkeypatch.setattr(ClusterExecutor, "_outcome", blamed)
-    with ClusterExecutor(cluster.address) as executor:
-        outcomes = {o.task: o for o in executor.calls(doubled, 2, range(9))}
-    assert sorted(outcomes) == list(range(9))
-    assert [task for task, o in outcomes.items() if o.error is not None] == [7]
-    assert {task: seen[task] for task in (*innocent, 7)} == tried
-
-
-def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
-    cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried: list[str] = []
-
-    class LateOnce(distributed.Client):  # type: ignore[name-defined,misc]
-        def __init__(self, address: str, **options: Any) -> None:
-            tried.append(address)
-            assert len(tried) > 1
-            super().__init__(address, **options)
-
-    monkeypatch.setattr(distributed, "Client", LateOnce)
-    with ClusterExecutor(cluster.address) as executor:
-        assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
-    assert len(tried) > 1
-    assert set(tried) == {cluster.address}
-
-
-def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ClusterExecutor, "_check_scheduler", Mock())
-    monkeypatch.setattr(distributed, "Client", Mock(side_effect=AssertionError))
-    monkeypatch.setattr("pipeline.workers.cluster._START_S", 0.0)
-    with pytest.raises(ClusterError, match="this machine is too busy"), ClusterExecutor("tcp://localhost:1"):
-        pass
 
 
 def test_another_version_of_the_program_is_refused(

@@ -128,19 +128,6 @@ def test_the_command_shows_what_flipped(
     assert "http" not in page
 
 
-def test_pictures_are_left_out_where_parts_cannot_be_made_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    heading = {"parts": {"folder": ["x"], "truth": "0", "severity": None, "format": ""}}
-    for name, texts in (("a", "A" * 12), ("b", "B" * 12)):
-        with TrialJournal(tmp_path / name, heading) as book:
-            for t in trials(texts):
-                book.keep(t.part, (*book.done.get(t.part, ()), t))
-    assert main(["benchmark", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 0
-    assert "No pictures: its parts are in files" in capsys.readouterr().out
-    assert "No pictures" in (tmp_path / "b" / "compare.html").read_text(encoding="utf-8")
-
-
 def test_a_folder_without_a_benchmark_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark", "compare", str(tmp_path), str(tmp_path)]) == 1
     assert "trials.db" in capsys.readouterr().err

@@ -90,25 +90,6 @@ def test_every_part_is_read_again_by_those_whom_the_perturbation_reaches(tmp_pat
     assert run_benchmark(benchmark, tmp_path) == trials  # from the journal
 
 
-def test_the_senses_that_a_perturbation_does_not_reach_are_not_asked_again(tmp_path: Path) -> None:
-    benchmark = Benchmark(
-        designed_parts(severities=(0.0,)),
-        ("tactile", "vision", "fused"),
-        ReaderSettings(array=VirtualArray(fidelity=Fidelity.POINTWISE)),
-        tuple(p for p in PERTURBATIONS if p.name in ("light", "order")),
-    )
-    trials = run_benchmark(benchmark, tmp_path)
-    read = {(t.perturbed, t.mode): t for t in trials}
-    assert list(read) == [
-        ("", "tactile"), ("", "vision"), ("", "fused"), ("light", "vision"), ("light", "fused"),
-        ("order", "tactile"), ("order", "fused"),
-    ]  # fmt: skip
-    assert not any(t.error for t in trials)
-    # the time of touch is charged to the fused reading, though the scan is that of before
-    assert read["light", "fused"].scan_s == read["", "fused"].scan_s > 0.0
-    assert {t.text for t in trials if t.mode == "tactile"} == {trials[0].truth}
-
-
 def undrawn(_: Benchmark, ranked: tuple[WorstPart, object]) -> WorstPart:
     """A part's pictures, not drawn: what they cost is not what is asked here."""
     return ranked[0]

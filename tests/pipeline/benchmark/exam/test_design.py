@@ -165,13 +165,10 @@ def test_what_cannot_be_is_named(change: dict[str, Any], problem: str) -> None:
     ("part", "error", "problem"),
     [
         ({"colour": "red"}, SettingsError, "no factor 'colour'.*height_mm"),
-        ({"light": "moon"}, SettingsError, "no light 'moon'"),
         ({"soil": "mould"}, StampError, "no soil 'mould'"),
         ({"font": "Comic"}, FontError, "Comic"),
         ({"format": 9}, SettingsError, "a format is 9.0; it is a word in quotes"),
         ({"height_mm": "tall"}, SettingsError, "a height_mm is 'tall'; it is a number"),
-        ({"raised": "yes"}, SettingsError, "a raised is 'yes'; it is true or false"),
-        ({"soil": True}, SettingsError, "a soil is True"),
         ({"generator": "cast"}, SettingsError, "no generator 'cast'; use stamped or sketched"),
         ({"generator": "sketched", "die": "sharp"}, SettingsError, "a sketched part has no die"),
     ],

@@ -260,13 +260,6 @@ def test_an_upload_under_a_temporary_name_is_one_part_once_it_is_renamed(
     assert bench.look(3) == ["P17"]
 
 
-def test_an_upload_that_was_broken_off_is_named_in_the_log(bench: Bench) -> None:
-    bench.put("P17.jpg.part", at_s=1e9)
-    with structlog.testing.capture_logs() as logs:
-        assert bench.look(3) == []
-    assert [log["name"] for log in logs] == ["P17.jpg.part"]
-
-
 def test_subfolders_are_watched_and_stand_in_the_names_of_their_parts(bench: Bench) -> None:
     bench.put("part-1.png", at_s=1e9)
     bench.put("2026-11-29/part-1.png", at_s=1e9 + 1)
@@ -290,17 +283,6 @@ def test_a_photograph_that_is_moved_into_a_subfolder_is_not_read_again(bench: Be
     assert bench.look(3) == ["a"]
     bench.anew()
     assert bench.look(3) == ["a"]
-
-
-def test_subfolders_that_are_not_watched_are_named(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, recurse=False)
-    bench.put("a.png")
-    bench.put("day/b.png")
-    with structlog.testing.capture_logs() as logs:
-        assert bench.look(3) == ["a"]
-    assert [(log["name"], log["why"]) for log in logs if "passed over" in log["event"]] == [
-        ("day", "is a folder, and watch.recurse is off")
-    ]
 
 
 def test_a_text_beside_a_photograph_is_the_serial_expected_of_it(tmp_path: Path, served: Served) -> None:
@@ -461,18 +443,6 @@ def test_keys_are_kept_as_long_as_their_files_are_in_the_folder_and_some_months(
         bench.anew()
         bench.look(3)
     assert bench.names == ["a", "b", "c", "c"]  # c was away for more than 90 days
-
-
-def test_a_store_that_does_not_answer_is_asked_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    def away(_: object) -> frozenset[str]:
-        raise StoreError("away")
-
-    bench.put("a.png")
-    with monkeypatch.context() as patch:
-        patch.setattr(bench.store, "known_keys", away)
-        with pytest.raises(StoreError):
-            bench.look(3)
-    assert bench.look(3) == ["a"]
 
 
 def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(

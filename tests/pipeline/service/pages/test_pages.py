@@ -169,22 +169,6 @@ def test_a_line_that_does_not_run_to_the_right_is_turned_by_quarters(
     assert sorted(view.whole[2:]) == sorted((WIDTH, HEIGHT))
 
 
-def test_pictures_that_are_gone_missing_or_never_were_are_told_in_words(shop: Shop) -> None:
-    photo, edges = shop.pictures()
-    part_id = shop.add(evidence=(photo, replace(edges, sha256="0" * 64)))
-    shop.store.evidence_gone(part_id, photo.sha256)
-    page = shop.client.get(f"/review/{part_id}").text
-    assert "deleted: its time was up" in page
-    assert "missing from the service’s folder" in page
-    assert "<image" not in page
-    bare = shop.client.get(f"/review/{shop.add()}").text
-    assert "No photograph was sent" in bare
-    assert "No edge map was kept" in bare
-    unscanned = shop.client.get(f"/review/{shop.add(readings=(reading('KX', source='vision'),))}").text
-    assert "has not been scanned yet" not in unscanned  # and nothing waits for that: no room is left for it
-    assert 'data-which="edges"' not in unscanned
-
-
 def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
     edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
     odd = ((0.0, 0.0, 0.0, 0.0), (900.0, 4.0, 903.0, 9.0), (3.0, 4.0, 6.0, 9.0))
@@ -254,46 +238,6 @@ def test_texts_are_shown_as_they_are_everywhere(shop: Shop, text: str) -> None:
         assert "style=" not in page.text  # the policy forbids it
     shown = re.sub(r"<[^>]*>", "", shop.client.get(f"/parts/{part_id}").text)
     assert html.unescape(shown).count(text) >= 3  # name, reading, review
-
-
-def test_agreement_with_the_lines_own_reader(empty_shop: Shop) -> None:
-    assert "serve --shadow" in empty_shop.client.get("/shadow").text
-    kinds = (
-        (Agreement.SAME, PartState.ACCEPTED, "KX407251"),
-        (Agreement.SAME, PartState.TOUCH_NEEDED, "KX407251"),
-        (Agreement.OTHER, PartState.ACCEPTED, "KX4O<251"),
-        (Agreement.NOTHING, PartState.TOUCH_NEEDED, "KX400000"),
-        (Agreement.ALONE, PartState.ACCEPTED, ""),
-    )
-    ids = []
-    for kind, would_be, expected in kinds:
-        given = reading("" if kind is Agreement.NOTHING else "KX407251")
-        shadow = ShadowRecord(kind, would_be)
-        ids.append(
-            empty_shop.add(state=PartState.SHADOW, readings=(given,), expected=expected, shadow=shadow)
-        )
-    page = empty_shop.client.get("/shadow").text
-    figures = dict(re.findall(r'data-figure="([a-z-]+)">.*?<p class="figure">([\d.–]+)', page))
-    assert figures == {
-        "compared": "4", "agreement": "50.0", "acceptance": "50.0", "accepted-agreement": "50.0",
-        "accepted-other": "1",
-    }  # fmt: skip
-    (day,) = re.findall(r'<tr data-day="([\d-]+)">(.*?)</tr>', page)
-    assert day[0] == datetime.now(UTC).date().isoformat()
-    assert re.findall(r'class="n">([^<]*)', day[1]) == ["5", "4", "2", "1", "1", "2", "1", "50.0"]
-    assert re.findall(r'<a class="row" href="./parts/([^"]+)"', page) == [ids[2]]
-    assert '<mark class="mismatch" title="mismatch">O</mark>' in page
-    assert "&lt;" in page
-    nothing = empty_shop.client.get("/shadow?show=nothing&span=week").text
-    assert re.findall(r'<a class="row" href="./parts/([^"]+)"', nothing) == [ids[3]]
-    assert "another serial; would be" in empty_shop.client.get(f"/parts/{ids[2]}").text
-    # what a person says afterwards says who was right
-    assert empty_shop.say(ids[2], "KX4O<251") == 303
-    page = empty_shop.client.get("/shadow").text
-    assert "the line’s</td>" in page
-    assert '<mark class="mismatch" title="mismatch">O</mark>' in page
-    for address in ("/shadow?span=era", "/shadow?show=all", "/shadow?before=x"):
-        assert empty_shop.client.get(address).status_code == 422
 
 
 def test_what_would_be_accepted_with_another_serial_comes_first_and_the_surest_first(
