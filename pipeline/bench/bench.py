@@ -75,8 +75,7 @@ class Bench:
         self.stage.lift()
 
     def session(self, part_id: str = "") -> BenchSession:
-        """Open a session with the part under the whiskers, in the plate's frame; home if needed. Raises StageError:
-        homing failed."""
+        """Open a session for the part under the whiskers, in the plate's frame; home if needed. Raises StageError."""
         if self.stage.lost:
             self.home()
         return BenchSession(self, self.settings.fitting(part_id))
@@ -175,8 +174,7 @@ def feel_all(
     *,
     on_pass: Callable[[int, Pass], None] = lambda k, order: None,
 ) -> Scan:
-    """Run passes one after the other; `on_pass` is called after each with its number from 1. Raises StageError: one
-    failed."""
+    """Run passes in order; `on_pass` is called after each with its number from 1. Raises StageError: one failed."""
     began, felt = datetime.now(UTC).isoformat(timespec="seconds"), []
     for k, order in enumerate(passes, start=1):
         felt.append(session.feel(order))

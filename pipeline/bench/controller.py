@@ -120,8 +120,7 @@ class Controller(ABC):
 
     @abstractmethod
     def connect(self) -> str:
-        """Wait until the controller's moves have ended, and return its greeting. Raises StageError: another firmware,
-        or none."""
+        """Wait until the moves have ended, and return the greeting. Raises StageError: another firmware, or none."""
 
     @abstractmethod
     def sender(self, lines: Sequence[str]) -> Sender:
@@ -133,8 +132,7 @@ class Controller(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop in an emergency: end all moves now, then lift; it needs homing afterwards. Raises StageError: it could
-        not be lifted."""
+        """End all moves now, then lift; it needs homing afterwards. Raises StageError: it could not be lifted."""
 
     def home(self) -> None:
         """Lift, and find the ends of all axes. Raises StageError: homing failed."""

@@ -142,8 +142,7 @@ class Marlin(Controller):
     _name = ""
 
     def connect(self) -> str:
-        """Wait for the board to boot, start numbering, and ask for its name. Raises StageError: it does not answer like
-        Marlin."""
+        """Wait for the board to boot, start numbering, and ask for its name. Raises StageError: no Marlin answers."""
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
         while (left := until - time.monotonic()) > 0.0:

@@ -168,8 +168,7 @@ class BenchSettings(Strict):
 
 
 def read_bench(path: Path) -> BenchSettings:
-    """Read bench.toml; the path of a whisker's file is relative to it. Raises FileError: it is missing or no TOML, or
-    has bad keys."""
+    """Read bench.toml; a whisker's file is named relative to it. Raises FileError: no such TOML, or invalid keys."""
     settings = read_toml(path, BenchSettings)
     if settings.comb.whisker is None:
         return settings

@@ -176,8 +176,7 @@ def check_tokens(settings: ServiceSettings) -> None:
 
 
 def tls_context(settings: ServiceSettings) -> ssl.SSLContext | None:
-    """Load the certificate and its key before anything is started; None without them. Raises UsageError: they cannot be
-    used."""
+    """Load the certificate and its key before the start; None without them. Raises UsageError: they are invalid."""
     import ssl
 
     cert, key = settings.tls.certificate, settings.tls.key

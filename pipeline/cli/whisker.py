@@ -137,8 +137,7 @@ def check_recording(path: Path) -> None:
 def scan_actively(
     session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
 ) -> None:
-    """Record the passes that a reader chooses, and print why it stopped. Raises CommandError: no pass could be
-    scanned."""
+    """Record the passes that a reader chooses, and print why it stopped. Raises CommandError: no pass succeeded."""
     from recognition.active.felt_log import read_and_log
     from recognition.reader import Reader
     from whisker_array.scan.recording import save_scan

@@ -52,8 +52,7 @@ class Shown(StrEnum):
 
 @dataclass(frozen=True)
 class ThresholdTest:
-    """One threshold, tested; `bound` is the upper bound of the wrong share among the accepted, for this threshold
-    alone."""
+    """One threshold, tested; `bound` is the upper bound of the accepted that are wrong, for this threshold alone."""
 
     threshold: float
     accepted: int
@@ -180,8 +179,7 @@ def risk_thresholds(
     groups: Sequence[Collection[str]] = (),
     start_share: float = 1.0,
 ) -> Mapping[float, ThresholdTest]:
-    """Find the proven threshold of each risk, tested by itself as in `threshold_tests`; one that none keeps has
-    none."""
+    """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none."""
     tests_of = partial(
         threshold_tests,
         scores,

@@ -58,8 +58,7 @@ def read_job_file(path: Path) -> JobFile:
 
 
 def read_keys(path: Path) -> tuple[dict[str, Any], str]:
-    """The keys of a job file, not yet checked, and the file's SHA-256. Raises FileError: the file is missing or not
-    TOML."""
+    """The keys of a job file, not yet checked, and its SHA-256. Raises FileError: it is missing or not TOML."""
     return toml_of(path), file_sha256(path)
 
 

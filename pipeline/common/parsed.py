@@ -176,6 +176,5 @@ def advice(error: ErrorDetails) -> str:
 
 
 def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:
-    """Write a model as TOML without None values; the file appears whole or not at all. Raises FileError: it cannot be
-    written."""
+    """Write a model as TOML without None values, whole or not at all. Raises FileError: it cannot be written."""
     write_text(path, heading + toml_text(model.model_dump(mode="json", exclude_none=True)))

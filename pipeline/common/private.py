@@ -37,7 +37,6 @@ def close_to_others(path: Path) -> None:
 
 
 def open_no_link(path: Path) -> BufferedReader:
-    """Open a file that may have become a link or a pipe meanwhile, without following or waiting. Raises OSError: it
-    cannot be."""
+    """Open a file that may have become a link or a pipe, without following or waiting. Raises OSError: it is one."""
     flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"))
     return os.fdopen(os.open(path, sum(flags, os.O_RDONLY)), "rb")

@@ -19,8 +19,7 @@ _ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}
 
 @dataclass(frozen=True)
 class CandidateRecord:
-    """One candidate for one place, with its posterior and the fit of its template, 1 is perfect; 0 without a
-    template."""
+    """One candidate for one place: its posterior, and the fit of its template, 1 at best; 0 without a template."""
 
     char: str
     probability: float

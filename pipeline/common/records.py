@@ -133,8 +133,7 @@ class TouchWait:
 
 @dataclass(frozen=True)
 class ShadowRecord:
-    """Shadow mode: agreement of the reading with what the line's own reader says, and the state if the service
-    decided."""
+    """Shadow mode: agreement with what the line's own reader says, and the state if the service decided."""
 
     agreement: Agreement
     would_be: PartState

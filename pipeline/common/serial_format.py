@@ -53,8 +53,7 @@ def read_lexicon(path: Path) -> frozenset[str]:
 
 
 def format_like(text: str) -> str:
-    """The format that a text suggests, AA999999 for KX407251, Aaa-99 for Lot-07: letters and digits may be any of their
-    kind."""
+    """The format that a text suggests, AA999999 for KX407251, Aaa-99 for Lot-07: any letters and digits."""
     return "".join(_like(char) for char in " ".join(text.split()))
 
 

@@ -374,8 +374,7 @@ class ReadSettings(MapSettings, PartSettings):
         return ("tactile", "vision", "fused") if self.mode == "auto" else (self.mode,)
 
     def check_accept_risk(self) -> None:
-        """Check that a sense keeps the accepted risk, if one was set. Raises MarksError: none does: nothing would be
-        accepted."""
+        """Check that a sense keeps the accepted risk, if one was set. Raises MarksError: none does."""
         if "accept_risk" in self.model_fields_set:
             from recognition.decide.risk import require_kept  # slow
 

@@ -9,8 +9,7 @@ CONFIDENCE_LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Share:
-    """k of n, with its 95 % interval; 0 to 1 without trials. Raises ValueError: the count is below 0 or above the
-    total."""
+    """k of n, with its 95 % interval; 0 to 1 without trials. Raises ValueError: the count is not within the total."""
 
     count: int
     total: int
@@ -42,8 +41,7 @@ def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, f
 
 
 def share(count: int, total: int, *, exact: bool = False) -> Share:
-    """A share with Wilson's 95 % interval, or the exact one; both assume independent trials. Raises ValueError: as in
-    `Share`."""
+    """A share with Wilson's 95 % interval, or the exact one, of independent trials. Raises ValueError: see `Share`."""
     unknown = Share(count, total, 0.0, 1.0)
     if total == 0:
         return unknown

@@ -65,8 +65,7 @@ def unescape_formula(cell: str) -> str:
 
 @dataclass(frozen=True)
 class Pair:
-    """A place of the alignment: the character stamped, or EXTRA, and the one read with its index, or MISSING without
-    any."""
+    """A place of the alignment: the character stamped, or EXTRA, and the one read with its index, or MISSING."""
 
     true: str
     read: str

@@ -90,8 +90,7 @@ class Exemplar(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GlyphDatabase(OneLine):
-    """Fonts by name (read-only) and exemplars in order of enrolment. Raises MarksError: a font filed under another
-    name."""
+    """Fonts by name (read-only) and exemplars in order of enrolment. Raises MarksError: a font's name differs."""
 
     fonts: Mapping[str, Font] = field(default_factory=dict)
     exemplars: tuple[Exemplar, ...] = ()
@@ -115,8 +114,7 @@ def save_database(database: GlyphDatabase, path: str | Path) -> None:
 
 
 def load_database(path: str | Path) -> GlyphDatabase:
-    """Read a database. Raises FileError: it is missing, damaged, cut short, of another kind, or newer than this
-    program."""
+    """Read a database. Raises FileError: it is missing, damaged, of another kind, or newer than this program."""
     with reading(Path(path), most_bytes=MOST_FILE_BYTES, kind="glyph database"):
         return _unpack(_checked_body(Path(path).read_bytes()))
 

@@ -246,8 +246,7 @@ MAX_PITCH_MM = 10.0
 
 @dataclass(frozen=True, eq=False)
 class PartMap:
-    """Top of a part in mm, row 0 at the top, and the dirt on it, if the file says so; `rows_known`: their order is
-    stated."""
+    """Top of a part in mm, row 0 at the top, and the dirt on it, if stated; `rows_known`: their order is stated."""
 
     height_map: HeightMap
     soil: Soil | None = None

@@ -109,8 +109,7 @@ _BY_SUFFIX = {
 
 
 def file_kind(suffix: str, *, tables: bool = True) -> str:
-    """Kind of a file by its suffix: height_map, scan or photo; empty for any other. Text files (`tables`) may hold
-    heights."""
+    """Kind of a file by its suffix: height_map, scan, photo or empty. Text files (`tables`) may hold heights."""
     suffix = suffix.lower()
     return "height_map" if tables and suffix in TABLE_SUFFIXES else _BY_SUFFIX.get(suffix, "")
 
@@ -131,8 +130,7 @@ def is_temporary(name: str) -> bool:
 
 
 def is_cut_short(picture: Path) -> bool:
-    """Whether a picture's end is missing, by its first and last bytes, without decoding. Raises OSError: it cannot be
-    read."""
+    """Whether a picture's end is missing, by its first and last bytes. Raises OSError: it cannot be read."""
     with picture.open("rb") as stream:
         head, n_bytes = stream.read(HEAD_BYTES), os.fstat(stream.fileno()).st_size
         stream.seek(max(0, n_bytes - TAIL_BYTES))

@@ -91,8 +91,7 @@ def absolute(name: str | Path) -> str:
 
 
 def spelling_on_disk(name: str) -> Path:
-    """The path of a file in the disk's own spelling. Raises FileError: several files differ from it in spelling
-    alone."""
+    """The path of a file in the disk's own spelling. Raises FileError: several differ in spelling alone."""
     path = Path(name)
     if os.path.lexists(path):
         return path

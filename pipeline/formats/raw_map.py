@@ -63,8 +63,7 @@ def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
 def numbers_in(
     data: bytes, kind: DTypeLike, start: int, shape: tuple[int, ...], most: int = MAX_PIXELS
 ) -> NDArray[Any]:
-    """The numbers of a file of known size from a byte on, or records of them. Raises DataError: too many, or it ends
-    too soon."""
+    """Numbers of a file of known size from a byte on, or records of them. Raises DataError: too many or too few."""
     check_size(shape[0], math.prod(shape[1:]), most)
     if len(data) < start + np.dtype(kind).itemsize * math.prod(shape):
         raise DataError(*CUT_SHORT)

@@ -133,8 +133,7 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
 
 @contextlib.contextmanager
 def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
-    """Copy one file to a folder of its own, its name without unsafe characters. Errors name the URL, as in
-    `local_copies`."""
+    """Copy one file to a folder of its own, its name without unsafe characters. Errors as in `local_copies`."""
     files = _file_system(url)
     with _as_file_errors(url):
         path = str(files._strip_protocol(url))

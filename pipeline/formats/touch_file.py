@@ -44,8 +44,7 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
 def read_part_map(
     path: str | Path, settings: MapSettings | None = None, *, most: int = MAX_PIXELS
 ) -> PartMap:
-    """Read the height map in a file, with its dirt; it may have `most` samples, checked from the header if there is
-    one."""
+    """Read the height map in a file, with its dirt; it may have `most` samples, checked from a header."""
     from pipeline.formats.grid import part_map
     from pipeline.formats.text_maps import is_number_table
 

@@ -112,7 +112,6 @@ class TracesFile(Strict, strict=True):
 
 
 def read_traces_file(path: Path) -> TracesFile:
-    """Read a description of trace files. Raises FileError: it is missing or not TOML, or has keys that cannot be
-    used."""
+    """Read a description of trace files. Raises FileError: it is missing or not TOML, or has invalid keys."""
     hidden = ("constrained-str", "constrained-int")
     return read_toml(path, TracesFile, format_version=_FORMAT_VERSION, hidden=hidden)

@@ -163,8 +163,7 @@ def read_whisker_file(path: Path) -> WhiskerFile:
 
 
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:
-    """Write a whisker and its use, numbers in full, whole or not at all. Raises FileError: a .toml cannot be written,
-    or hold it."""
+    """Write a whisker and its use, numbers in full, whole or not at all. Raises FileError: it cannot be written."""
     check_writable(path, (SUFFIX,))
     heading = f"# a whisker of tactile-marks and its use; lengths in mm\nformat_version = {FORMAT_VERSION}\n"
     with naming(path):

@@ -49,8 +49,7 @@ def note(
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure whole or not at all; the same figure gives the same file. Raises FileError: it cannot be
-    written."""
+    """Write a figure whole or not at all, always as the same bytes. Raises FileError: it cannot be written."""
     check_writable(path, PICTURES)
     # without a fixed salt the names inside an SVG are random
     with rc_context({"svg.hashsalt": path.stem}), replacing(path) as temporary:

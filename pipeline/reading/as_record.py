@@ -38,8 +38,7 @@ MOST_RIVALS = 3
 def reading_record(
     reading: Reading, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
 ) -> ReadingRecord:
-    """Make the record of a reading (settings, grammar and seconds are those it was read with), with the verdict, if
-    any."""
+    """Make the record of a reading with the verdict, if any; settings, grammar and seconds are those of the reading."""
     from recognition.decide.decision import bench_faults
     from recognition.decide.reasons import reasons_of
 
@@ -105,8 +104,7 @@ def _passes(log: PassLog, usual_preload_mm: float) -> tuple[PassRecord, ...]:
 
 
 def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None) -> tuple[RivalRecord, ...]:
-    """Other serials that the format allows, by the posteriors from which the reading was chosen, with their
-    probabilities."""
+    """Other serials that the format allows, by the posteriors that the reading was chosen from."""
     from recognition.language.constrained_decoding import choose
 
     if lattice is None or not reading.characters:

@@ -157,8 +157,7 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
 
 
 def valid_certificate(path: Path) -> Certificate:
-    """Load a certificate. Raises FileError: it is none. SettingsError: it was made with another program or other
-    networks."""
+    """Load a certificate. Raises FileError: it is none. SettingsError: it is of another program or networks."""
     made = load_certificate(path)
     differ = differences(made.versions, reader_versions())
     if differ:

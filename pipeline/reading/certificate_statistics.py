@@ -36,8 +36,7 @@ class KindOfParts:
 
     @classmethod
     def of(cls, parts: Collection[Mapping[Measure, float]], *, most_kept: int = 200) -> KindOfParts:
-        """Compute the distributions, at most `most_kept` values each, without measures that fewer than LEAST_PARTS
-        have."""
+        """Compute the distributions, at most `most_kept` values each, of measures that LEAST_PARTS or more have."""
         found = {}
         for name in Measure:
             values = np.sort([part[name] for part in parts if name in part])
@@ -50,8 +49,7 @@ class KindOfParts:
 
 @dataclass(frozen=True)
 class Unlike:
-    """A measure that differs: medians over the certified and over the latest `parts`, p-value of the two-sample
-    test."""
+    """A measure that differs: medians over the certified and the latest `parts`, p-value of the two-sample test."""
 
     measure: Measure
     certified: float

@@ -54,8 +54,7 @@ class DriftWatch:
         self.first = ""
 
     def add(self, source: str, measures: Mapping[Measure, float]) -> bool:
-        """Add a part's measures, none if it could not be read; whether they raise a new difference. Uncertified sources
-        pass."""
+        """Add a part's measures, none if it could not be read; whether they raise a new difference."""
         if not measures or source not in self.certificate.sources:
             return False
         with self._lock:

@@ -129,8 +129,7 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
 
 
 def check_line(line_format: str, text: str) -> tuple[str, ...]:
-    """Reasons why a text does not match a format, in words; empty if it matches. Raises FormatError: an invalid
-    format."""
+    """Why a text does not match a format, in words; empty if it matches. Raises FormatError: an invalid format."""
     from recognition.language.grammar import Grammar
 
     return Grammar.parse(line_format).objections(text)

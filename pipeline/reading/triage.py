@@ -64,8 +64,7 @@ def state_after(reading: ReadingRecord) -> PartState:
 
 
 def agreement_of(reading: ReadingRecord, expected: str) -> Agreement:
-    """Agreement in shadow mode of a reading, made independently, with that of the line's own reader; empty if it has
-    none."""
+    """Agreement in shadow mode of an independent reading with that of the line's own reader, empty if it has none."""
     if not expected.strip():
         return Agreement.ALONE
     if not reading.text:

@@ -21,8 +21,7 @@ PIXELS = 60.0
 
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:
-    """Load the libraries, make the readers and read a clean part by vision and touch; every job reports what is
-    unusable."""
+    """Load the libraries, make the readers and read a clean part by vision and touch; jobs report what is unusable."""
     from glyphs.camera.pose import Camera
     from glyphs.errors import FileError
     from glyphs.opencv import cv2

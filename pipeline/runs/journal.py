@@ -131,8 +131,7 @@ class Journal(Generic[Stored]):
         return {as_text(name): self.parse(text) for name, text in rows}
 
     def keep(self, name: str, result: Stored, *, again: bool = False) -> Stored:
-        """Store the result of a part, or a second one beside it (`again`), and return it; the last one of each
-        counts."""
+        """Store the result of a part, or a second one beside it (`again`), and return it; the last of each counts."""
         return self.keep_all({name: result}, again=again)[name]
 
     def keep_all(self, results: Mapping[str, Stored], *, again: bool = False) -> Mapping[str, Stored]:

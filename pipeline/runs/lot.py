@@ -33,8 +33,7 @@ class Outline(NamedTuple):
 
 
 def teachers(readings: Iterable[Outline]) -> dict[str, str]:
-    """Texts, by name, of the accepted parts, surest first, that add a character of which there are few exemplars so
-    far."""
+    """Texts, by name, of accepted parts, surest first, that add a character of which there are few exemplars."""
     sure = (reading for reading in readings if reading.decision == "accept" and not reading.error)
     chosen: dict[str, str] = {}
     exemplars: Counter[str] = Counter()
@@ -54,8 +53,7 @@ def needs_another(reading: Outline) -> bool:
 
 
 def is_better(second: Outline, first: Outline) -> bool:
-    """Whether a second reading replaces the first: it is accepted, or surer of the same text. An accepted one is
-    kept."""
+    """Whether a second reading replaces one that is not accepted: it is accepted, or surer of the same text."""
     if not needs_another(first) or second.error:
         return False
     return second.decision == "accept" or (second.text == first.text and second.confidence > first.confidence)

@@ -54,8 +54,7 @@ class RunOptions:
         return self.out if self.out is not None and is_store(self.out) else None
 
     def check(self) -> None:
-        """Check, before the work starts, that the outputs can be written. Raises FileError, SettingsError: they
-        cannot."""
+        """Check, before work starts, that the outputs can be written. Raises FileError, SettingsError: they cannot."""
         if self.evidence is not None and self.store is None:
             raise SettingsError("--evidence goes with a store", hint="such as --out sqlite:///parts.db")
         if self.out is not None and self.store is None:

@@ -73,8 +73,7 @@ class RunJournal(Journal[ReadPart]):
     facts: ClassVar[tuple[str, ...]] = ("decision", "text", "confidence", "error", "line")
 
     def __init__(self, table: Path, description: Mapping[str, Any] | None, *, written: bool = True) -> None:
-        """Raise FileError: the suffix is unknown, the table cannot be written or is being written, or the journal is
-        another's."""
+        """Raise FileError: the suffix is unknown, the table is another run's, or it cannot be written."""
         if written:
             output_paths.check_writable(table, SUFFIXES)
         self.table, self.written, self._form = table, written, form_of(table)

@@ -42,8 +42,7 @@ _NO_CANDIDATE = {f.name: f.default for f in fields(CandidateRecord)} | {"char": 
 
 @dataclass(frozen=True, slots=True)
 class LineForm:
-    """A kind of table to which lines can be appended; `encode` raises ValueError for a record that no table can
-    hold."""
+    """A kind of table that takes more lines; `encode` raises ValueError for a record that no table can hold."""
 
     head: bytes
     encode: Callable[[ReadingRecord], bytes]

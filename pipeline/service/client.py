@@ -143,8 +143,7 @@ class Client:
         return self._send_files("/v1/parts", files, idempotency_key, data=data)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
-        """Add a scan to a part, which is then read from photograph and scan together. Raises OSError: the file cannot
-        be read."""
+        """Add a scan to a part, which is then read from both. Raises OSError: the file cannot be read."""
         return self._send_files(f"{_path(part_id)}/scan", [("scan", _read(scan, "scan.h5"))], idempotency_key)
 
     def touch(self, part_id: str) -> PartRecord:

@@ -24,8 +24,7 @@ GOLDEN, OVERDUE = "golden", "golden_overdue"
 
 
 class GoldenPart:
-    """The golden part of a line. Its first scan is the reference, or a later one that is sent as such (new
-    whiskers)."""
+    """The golden part of a line. Its first scan is the reference, or a later one that is sent as such."""
 
     def __init__(self, settings: GoldenSettings, store: Store, calls: WorkerCalls, *, line: str) -> None:
         self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line

@@ -113,8 +113,7 @@ class Intake:
     def __init__(
         self, settings: ServiceSettings, *, store: Store, evidence: EvidenceFolder, calls: WorkerCalls
     ) -> None:
-        """Make stage, camera, queue and serial rules. Raises FileError, SettingsError: an order, folder or driver
-        cannot be used."""
+        """Make stage, camera, queue and serial rules. Raises FileError, SettingsError: one of them cannot be used."""
         stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics

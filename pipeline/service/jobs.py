@@ -169,8 +169,7 @@ class JobFolder(RecentFiles):
         self.call = call
 
     def settings(self, name: str) -> ReadSettings:
-        """Reading settings of a job. Raises OwnProblem: its file is missing or cannot be used. Problem: no job has that
-        name."""
+        """Reading settings of a job. Raises OwnProblem: its file cannot be used. Problem: no job has that name."""
         return self._job(name).settings
 
     def watch(self, name: str) -> DriftWatch | None:

@@ -41,8 +41,7 @@ def _address(value: str) -> str:
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """Host and port of an address to listen on: PORT, on this machine only, or HOST:PORT. Raises ValueError: it is
-    neither."""
+    """Host and port to listen on: PORT, for this machine only, or HOST:PORT. Raises ValueError: it is neither."""
     wanted = ValueError(
         "it is not a port; write 8418, or 192.168.7.10:8418 for one that other machines can reach"
     )

@@ -117,8 +117,7 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
 
 @contextlib.contextmanager
 def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
-    """A backup's manifest and an upgraded copy of its store. Raises FileError, StoreError: it is damaged, or of an
-    unknown version."""
+    """A backup's manifest and an upgraded copy of its store. Raises FileError, StoreError: it cannot be used."""
     manifest = read_manifest(backup)
     with file_errors(backup):
         if file_sha256(backup / _STORE) != manifest.sha256:

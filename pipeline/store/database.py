@@ -54,8 +54,7 @@ class JsonText(str):
 
 
 def json_text(value: Any) -> JsonText:
-    """Write a value as JSON, once; characters that databases cannot hold are replaced. Raises UnfitError: it is no
-    JSON."""
+    """Write a value as JSON; characters that databases cannot hold are replaced. Raises UnfitError: it is no JSON."""
     if isinstance(value, JsonText):
         return value
     dumps = functools.partial(json.dumps, allow_nan=False, separators=(",", ":"))
@@ -154,8 +153,7 @@ class Database:
 
     @contextlib.contextmanager
     def write_transaction(self) -> Iterator[Transaction]:
-        """Begin a transaction that the end of the block commits and an exception rolls back. Raises StoreError: no
-        answer in time."""
+        """Begin a transaction: the block's end commits it, an exception rolls it back. Raises StoreError: no answer."""
         try:
             with self._write_transaction() as tx:
                 yield tx

@@ -41,8 +41,7 @@ class ClaimedError(ConflictError):
 
 
 class AlreadyDoneError(ConflictError):
-    """The request with this idempotency key has made a part before, or another meanwhile; `fingerprint` is of that
-    request."""
+    """A request with this idempotency key has made a part before; `fingerprint` is of that request."""
 
     def __init__(self, part_id: str, fingerprint: str) -> None:
         super().__init__(f"this idempotency key has made part {part_id} already", hint="ask for that part")

@@ -61,8 +61,7 @@ class FileState(StrEnum):
 
 
 class EvidenceFolder:
-    """A folder of files named by the hash of their content; `incoming` is for uploads and work files, on the same
-    disk."""
+    """Files named by the hash of their content; `incoming` is for uploads and work files, on the same disk."""
 
     def __init__(self, root: Path) -> None:
         """Make the folder if it is missing. Raises FileError: it cannot be made."""
@@ -78,8 +77,7 @@ class EvidenceFolder:
         self._synced: set[Path] = set()
 
     def check_is_that_of(self, store: Store) -> None:
-        """Check that it is the folder of all services that share the store. Raises FileError: the store's files are in
-        another one."""
+        """Check that it is the folder of all services that share the store. Raises FileError: it is another."""
         file = self.root / "identity"
         with file_errors(file), exclusively(self._lock):
             if not file.exists():
@@ -185,8 +183,7 @@ class EvidenceFolder:
         return state
 
     def check_room(self) -> None:
-        """Check that a file can be written, synced and removed, with some room beyond it. Raises FileError: it cannot,
-        and why."""
+        """Check that a file can be written, synced and removed, with room beyond it. Raises FileError: it cannot."""
         with file_errors(self.root):
             if shutil.disk_usage(self.incoming).free < LEAST_ROOM_BYTES:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -196,8 +193,7 @@ class EvidenceFolder:
                 os.fsync(probe.fileno())
 
     def new_work_folder(self) -> Path:
-        """Make a new folder in `incoming` for one request; the caller removes it. Raises FileError: it cannot be
-        made."""
+        """Make a folder in `incoming` for one request; the caller removes it. Raises FileError: it cannot be made."""
         with file_errors(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 

@@ -120,8 +120,7 @@ def _awaits(audits: bool) -> sa.ColumnElement[bool]:
 
 
 def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> Statistics:
-    """Figures of parts and readings since a time, with a trend by HOUR or DAY. Raises UnfitError: no zone, or over ten
-    years ago."""
+    """Figures since a time, with a trend by HOUR or DAY. Raises UnfitError: no zone, or over ten years ago."""
     if since.tzinfo is None or tx.now - since > _LONGEST:
         raise UnfitError("statistics cannot begin there", hint="give a time with its zone, not ten years ago")
     since, n = since.astimezone(UTC), sa.func.count()
@@ -153,8 +152,7 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
 
 
 def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ...]:
-    """Agreement with the line's own reader by day, of parts in shadow mode since a time. Raises UnfitError: the time
-    has no zone."""
+    """Agreement with the line's own reader by day, in shadow mode, since a time. Raises UnfitError: it has no zone."""
     if since.tzinfo is None:
         raise UnfitError("agreement cannot begin there", hint="give a time with its zone")
     kind, n = parts.c.agreement, sa.func.count()

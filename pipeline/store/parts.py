@@ -99,8 +99,7 @@ def add_part(
     line: str = "",
     **added: Unpack[Added],
 ) -> PartRecord:
-    """Add a part, with an id of `new_part_id`, and its readings. Raises AlreadyDoneError, ConflictError: key or id is
-    taken."""
+    """Add a part (id: `new_part_id`) and its readings. Raises AlreadyDoneError, ConflictError: key or id is taken."""
     if not is_part_id(part_id):
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
     received: dict[str, Any] = {
@@ -216,8 +215,7 @@ def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waitin
 
 
 def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
-    """Send a part that was not felt to review; a scan may still be sent. Raises ConflictError: it does not wait for
-    touch."""
+    """Send a part that was not felt to review; a scan may still come. Raises ConflictError: it does not wait."""
     part = part_by_id(tx, part_id, lock=True)
     if part.state is not PartState.TOUCH_NEEDED:
         what = f"the part {part_id} does not wait for touch; it is {part.state.value}"
@@ -246,8 +244,7 @@ class IdempotencyKey:
 
     @classmethod
     def of_run(cls, run: str, part: str, digest: str) -> IdempotencyKey:
-        """The key of a part of a run: `run` hashes what all its readings depend on, `digest` what the part's files
-        hold."""
+        """The key of a part of a run; `run` hashes what all readings depend on, `digest` what the part's files hold."""
         return cls(f"run {run} {digest} {part}", f"{_KEPT}{digest}")
 
     @classmethod
@@ -283,8 +280,7 @@ def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> 
 
 
 def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | None = None) -> int:
-    """Delete the keys of requests from before a time, and those of files renewed before another; return their
-    number."""
+    """Delete keys of requests from before a time, and of files renewed before another; return their number."""
     old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_KEPT}%"))
     if files_before is not None:
         old = sa.or_(old, sa.and_(keys.c.at < files_before, keys.c.fingerprint == _OF_FILES))
@@ -317,8 +313,7 @@ def lock_serials(tx: Transaction, rules: SerialRules) -> None:
 
 
 def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[Objection, ...]:
-    """Objections to the serial of a part that was read with certainty; one read again under its name is no
-    duplicate."""
+    """Objections to the serial of a part read with certainty; one read again under its name is no duplicate."""
     possible = [rules.by_order(part.text)]
     if rules.duplicates:
         possible.append(_read_before(tx, part))

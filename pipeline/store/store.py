@@ -112,8 +112,7 @@ class Store(Database):
     needed_after = _reads(rows.needed_after)
 
     def expire_evidence(self, before: datetime) -> int:
-        """Record that files from before a time are no longer kept; return their number. The next `sweep` removes
-        them."""
+        """Record that files from before a time are no longer kept, and their number; the next `sweep` removes them."""
         n = 0
         while batch := self.evidence_before(before):
             for part_id, sha256 in batch:

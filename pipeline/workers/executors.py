@@ -78,8 +78,7 @@ class Executor:
     remote = False
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """Yield the outcome of function(order, task) for every task as it finishes, in any order. Raises ClusterError:
-        it is lost."""
+        """Yield the outcome of function(order, task) for every task as it finishes. Raises ClusterError: it is lost."""
         waiting, shared = iter(tasks), self._shared(order)
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         held: dict[Any, T] = {}

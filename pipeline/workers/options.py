@@ -60,8 +60,7 @@ class WorkerSettings(PoolSettings):
 
 
 def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """Call a function that opens a user's files in a separate process, since a file may crash it. Raises MarksError: it
-    did."""
+    """Call a function that opens a user's files in a process of its own, as one may crash it. Raises MarksError."""
     with WorkerSettings(jobs=1).opened() as executor:
         try:
             return cast(R, executor.submit(partial(function, *args, **options)).result())

@@ -66,8 +66,7 @@ class Worker:
     """A worker process, from the parent's side."""
 
     def __init__(self, number: int, modules: Sequence[str] = ()) -> None:
-        """Worker `number`, which imports some modules at once; only number 0 reports what is compiled. Raises OSError:
-        it cannot start."""
+        """Import some modules at once; only number 0 reports what is compiled. Raises OSError: it cannot start."""
         for name, value in MALLOC.items():  # read as a process starts
             os.environ.setdefault(name, value)
         context = multiprocessing.get_context("spawn")
@@ -164,8 +163,7 @@ def started_early(modules: Sequence[str]) -> Iterator[None]:
 
 
 def worker_of(number: int, memory_mb: int) -> Worker:
-    """Start a worker with a memory limit; number 0 may have been started early. Raises OSError: it cannot be
-    started."""
+    """Start a worker with a memory limit; number 0 may have been started early. Raises OSError: it cannot start."""
     worker = _EARLY.pop() if _EARLY and number == 0 else Worker(number)
     worker.limit(memory_mb)
     return worker

@@ -53,8 +53,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Row:
-    """Paired comparison of the readings of B (first) with those of A, at a level of a factor or, without one, over
-    all."""
+    """Paired comparison of the readings of B (first) with those of A, at a factor's level or, without one, over all."""
 
     factor: str
     level: Level

@@ -45,8 +45,7 @@ class Comparison:
 def compare(
     first: GroupKey, first_trials: Sequence[Trial], second: GroupKey, second_trials: Sequence[Trial]
 ) -> Comparison:
-    """Compare two groups of readings of the same parts, each part once in each. Raises ValueError: the parts are not
-    the same."""
+    """Compare two groups of readings of the same parts, each once in each. Raises ValueError: other parts."""
     others = {t.part: t for t in second_trials}
     if set(others) != {t.part for t in first_trials} or not len(others) == len(first_trials) == len(
         second_trials

@@ -37,8 +37,7 @@ class Reliability:
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: int = BINS) -> Reliability:
-    """Compute the diagram with bins of equal width, each closed above. Raises ValueError: a confidence is not between 0
-    and 1."""
+    """Compute the diagram with bins of equal width, each closed above. Raises ValueError: no confidences, 0 to 1."""
     sure, is_right = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
     if sure.shape != is_right.shape:
         raise ValueError(f"{sure.size} confidences for {is_right.size} readings")

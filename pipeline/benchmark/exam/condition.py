@@ -19,8 +19,7 @@ PERTURBED = "perturbed"
 
 
 def parse_given(text: str) -> str:
-    """The facts given to a reader, of `font,height,format` in that order, or `nothing`. Raises SettingsError: an
-    unknown word."""
+    """The facts given to a reader: some of `font,height,format`, or `nothing`. Raises SettingsError: others."""
     words = [word for word in split_commas(text) if word != "nothing"]
     for word in words:
         if word not in GIVEN:

@@ -136,8 +136,7 @@ class Design(BaseModel):
 
     @classmethod
     def load(cls, path: Path) -> Design:
-        """Load a design. Raises FileError: there is no such TOML file, or it is no design; the message names the
-        setting."""
+        """Load a design. Raises FileError: no such TOML file, or no design; the message names the setting."""
         with naming(path):
             return cls.of(**{"name": path.stem, **toml_of(path)})
 

@@ -23,8 +23,7 @@ class PackagedFont(BaseModel):
 
 
 def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
-    """The file of a packaged font; any other font unchanged. Raises FontError: the package is missing, or its file
-    differs."""
+    """The file of a packaged font; any other font unchanged. Raises FontError: no such package or file."""
     if font not in packaged:
         return font
     wanted = packaged[font]

@@ -51,8 +51,7 @@ _MOST = ZERO - 1
 
 
 def export_part(parts: DesignedParts, item: Item) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Make a part; its label, and the contents of its files by path. Raises MarksError: it cannot be made or
-    photographed."""
+    """Make a part; its label, and the contents of its files by path. Raises MarksError: it cannot be made."""
     specimen = parts.make(item)
     height_mm = parts.spec(item.condition).height_mm
     with tempfile.TemporaryDirectory() as scratch:

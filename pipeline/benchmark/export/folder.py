@@ -68,8 +68,7 @@ def export(
 
 
 def check(parts: DesignedParts, folder: Path) -> dict[str, str]:
-    """Files that differ from the manifest: missing, changed, or not in it. Raises FileError: it is missing, or of
-    another design."""
+    """Files missing, changed, or not in the manifest. Raises FileError: it is missing, or of another design."""
     card = _json_of(folder / CARD)
     if card is None or card.get("design") != _design_of(parts):
         raise FileError(folder, "holds no export of this design", "name its folder, or its design")

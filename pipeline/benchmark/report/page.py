@@ -38,8 +38,7 @@ def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
 
 
 def render(template: str, **values: Any) -> str:
-    """Render a page or Markdown document from `pipeline.benchmark.report.templates`, with time, command line and
-    versions."""
+    """Render a page or Markdown document of `report.templates`, with time, command line and versions."""
     import jinja2
 
     environment = jinja2.Environment(

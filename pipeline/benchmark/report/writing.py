@@ -81,8 +81,7 @@ def write_report(
 
 
 def document_of(statistics: Statistics, drift: Mapping[str, str] | None = None, *, touch: str = "") -> str:
-    """The tables in Markdown, with how a mode's parts differ from the certified ones, and by which array they were
-    felt."""
+    """The tables in Markdown, with how a mode's parts differ from the certified ones, and the array that felt them."""
     return render("benchmark.md.j2", **_tables(statistics), drift=drift or {}, touch=touch)
 
 

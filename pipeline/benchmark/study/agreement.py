@@ -52,8 +52,7 @@ def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Es
 
 
 def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
-    """Fleiss' kappa of parts that were rated equally often (ValueError), (parts, ratings of a part); None if not
-    defined."""
+    """Fleiss' kappa of (parts, ratings of a part), equally many (ValueError) of each; None if it is not defined."""
     if not ratings:
         return None
     m = len(ratings[0])

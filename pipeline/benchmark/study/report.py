@@ -22,8 +22,7 @@ _MOST_PARTS = 60
 
 
 def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
-    """Write page, tables and figures; return the tables in Markdown and all paths. Raises FileError: the folder cannot
-    be written."""
+    """Write page, tables and figures; return the tables in Markdown and all paths. Raises FileError: it cannot."""
     sources = [] if study.depth is None else list(components(study.depth))
     values = {
         "study": study,

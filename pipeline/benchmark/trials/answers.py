@@ -32,8 +32,7 @@ def designed_items(parts: DesignedParts) -> list[Item]:
 
 @dataclass(frozen=True)
 class Answers:
-    """The answers of one reader: a trial of each part, read empty without an answer; `unknown` parts are not in the
-    exam."""
+    """The answers of one reader: a trial of each part, empty without an answer; `unknown` parts are not in the exam."""
 
     trials: tuple[Trial, ...]
     missing: tuple[str, ...]

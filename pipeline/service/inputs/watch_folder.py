@@ -148,8 +148,7 @@ class WatchedFolder:
         return True
 
     async def look(self) -> float:
-        """Look once, and submit what is complete; returns the seconds of the look. Raises StoreError: the store does
-        not answer."""
+        """Look once, and submit what is complete; returns the seconds of the look. Raises StoreError: no answer."""
         limit = asyncio.Semaphore(self._at_once)
 
         async def take(part: WatchedPart) -> None:

@@ -104,8 +104,7 @@ class MqttSender:
         self._calling: set[asyncio.Task[None]] = set()
 
     async def ping(self) -> bool:
-        """Stay connected, so that the status is online although there is nothing to publish. Raises DeliveryError: no
-        broker."""
+        """Stay connected, so that the status is online with nothing to publish. Raises DeliveryError: no broker."""
         await self._connect()
         return True
 

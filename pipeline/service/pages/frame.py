@@ -72,8 +72,7 @@ class Frame:
         )
 
     def reader_view(self, request: Request) -> View:
-        """The view of a caller with the right to look. Raises DeniedError: the token is missing or does not allow
-        it."""
+        """The view of a caller with the right to look. Raises DeniedError: no token that allows it."""
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
@@ -149,8 +148,7 @@ class View:
 
 
 def page_of(parts: Sequence[PartRecord], path: str, query: dict[str, str], before: str) -> dict[str, Any]:
-    """A page of a list of parts (one more than it shows if there are more), with the addresses of the first and the
-    next page."""
+    """A page of a list of parts (one too many if there are more), with the addresses of the first and next page."""
     shown = parts[:PARTS_SHOWN]
     older = {**query, "before": shown[-1].id} if len(parts) > PARTS_SHOWN else {}
     return {

@@ -59,8 +59,7 @@ def margin(character: CharacterRecord) -> float:
 
 
 def places_of(reading: ReadingRecord | None) -> tuple[Place, ...]:
-    """The places of a reading; where it is not accepted and none is in doubt by itself, the least sure one is where to
-    look."""
+    """The places of a reading; if it is not accepted and none is in doubt, the least sure one is where to look."""
     if reading is None:
         return ()
     doubts = [_doubt(c) for c in reading.characters]

@@ -99,14 +99,12 @@ class Camera(Protocol):
     """Take photographs of parts."""
 
     def take(self, part_name: str) -> Path | Sequence[Path]:
-        """Photograph the part that lies under the camera, once or under several lights. Raises StageError: no
-        photograph."""
+        """Photograph the part under the camera, once or under several lights. Raises StageError: no photograph."""
 
 
 @dataclass(frozen=True)
 class FolderCamera:
-    """A folder in which a camera's program saves photographs, named as parts; they may be older than the trigger by
-    `early_s`."""
+    """A folder of a camera's photographs, named as parts; they may be older than the trigger by `early_s`."""
 
     folder: Path
     early_s: float = 0.0
@@ -193,8 +191,7 @@ class BenchStage:
 
 
 def stage_of(settings: StageSettings, reading: ReadSettings) -> Stage | SessionStage[ScanOrder] | None:
-    """The stage of the service; None if it has none. Raises FileError, SettingsError: no such folder, bench file or
-    driver."""
+    """The stage of the service, if any. Raises FileError, SettingsError: no such folder, bench file or driver."""
     if not settings.device:
         return None
     if is_driver(settings.device):
@@ -224,8 +221,7 @@ def is_driver(device: str) -> bool:
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:
-    """Make a driver by calling "module:callable"; it must have one of the methods `verbs`. Raises SettingsError: it
-    cannot be made."""
+    """Call "module:callable" for a driver with one of the methods `verbs`. Raises SettingsError: there is none."""
     driver = load_named(named, what="driver", error=SettingsError)()
     if not any(callable(getattr(driver, verb, None)) for verb in verbs):
         wanted = " or ".join(map(repr, verbs))

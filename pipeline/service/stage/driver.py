@@ -180,8 +180,7 @@ class LinkedStage:
 
 
 class StageLink:
-    """The service's end: serve one session of a driver to one worker; `down` is the fault that kept it from
-    answering."""
+    """The service's end: serve one session of a driver to one worker; `down` is a fault that kept it from answering."""
 
     def __init__(self, stage: SessionStage[ScanOrder], thread: DriverThread) -> None:
         key = secrets.token_bytes(32)

@@ -108,8 +108,7 @@ def is_in(address: str, networks: Iterable[str]) -> bool:
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:
-    """Whether a connection is of the user that runs this program; True where that cannot be seen (not Linux, no
-    socket)."""
+    """Whether a connection is of the user that runs this program; True where that cannot be seen."""
     uid = user_of(client, server)
     return uid is None or uid == os.geteuid()
 

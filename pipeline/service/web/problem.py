@@ -85,8 +85,7 @@ def stopping() -> Problem:
 
 
 class OwnProblem(Problem):
-    """One of the service's own files, jobs or glyph databases cannot be used now; what was sent may be sent again
-    later."""
+    """A file, job or glyph database of the service cannot be used now; what was sent may be sent again later."""
 
     def __init__(self, detail: str, *, retry_after_s: int = 5) -> None:
         super().__init__(503, detail, headers={"Retry-After": str(retry_after_s)})

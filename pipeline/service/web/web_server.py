@@ -74,12 +74,10 @@ class DrainingServer(uvicorn.Server):
 
 
 class Room:
-    """Open connections, limited in all and from one address; if too many, the longest idle one of the busiest address
-    goes."""
+    """Open connections, limited in all and from one address; the longest idle one of the busiest address goes."""
 
     def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
-        """`an_address`: connections that one address may have; `proxies`, addresses and networks, may have any
-        number."""
+        """`an_address`: connections of one address; `proxies`, addresses and networks, may have any number."""
         self._an_address, self._most, self._proxies = an_address, most, proxies
         self._open: set[_OpenConnection] = set()
         self._log = SparingLog("web interface")
@@ -119,8 +117,7 @@ class _OpenConnection(Protocol):
 def patient_protocol(
     room: Room, *, tls: ssl.SSLContext | None = None, head_s: float = HEAD_S, write_s: float = WRITE_S
 ) -> Any:
-    """Make the factory of HTTP protocols, with limits in s for handshakes and request heads, and for reading
-    answers."""
+    """Make the factory of HTTP protocols, with limits, s, for handshakes and request heads, and for reading answers."""
 
     class PatientProtocol(H11Protocol):
         _head_timer: asyncio.TimerHandle | None = None
@@ -242,8 +239,7 @@ class _Handshake(asyncio.Protocol):
 
 
 class _Lingering:
-    """A transport that, if a request was not read to its end, first ends our side, then reads on for LINGER_S before it
-    closes."""
+    """A transport that, with a request not read to its end, ends our side and reads on for LINGER_S to its close."""
 
     def __init__(self, transport: Any, protocol: H11Protocol, *, write_s: float) -> None:
         self._transport, self._protocol, self._write_s = transport, protocol, write_s
