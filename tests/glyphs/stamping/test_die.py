@@ -72,7 +72,7 @@ def test_round_floor_is_an_arc_tangent_to_the_walls():
     assert z[floor] == pytest.approx(-0.2 + radius - np.sqrt(radius**2 - x[floor] ** 2), abs=2e-5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(die=dies(), stroke_known=st.booleans())
 def test_profile_is_continuous_monotonic_and_bounded(die, stroke_known):
     half = die.stroke_mm / 2

@@ -90,7 +90,7 @@ def lattices(draw: st.DrawFn) -> Lattice:
 INDEPENDENT = FusionWeights(1.0, 1.0)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(lattices(), lattices(), st.floats(0.0, 1.5))
 def test_bayes_by_hand(one: Lattice, other: Lattice, camera: float) -> None:
     """A sense looked with the probability r, and is a uniform guess otherwise; the camera counts by its weight."""
@@ -102,13 +102,13 @@ def test_bayes_by_hand(one: Lattice, other: Lattice, camera: float) -> None:
         np.testing.assert_allclose(both[k], read * p / p.sum(), rtol=EXACT)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(lattices(), lattices())
 def test_beliefs_stay_beliefs(one: Lattice, other: Lattice) -> None:
     assert (np.exp(fuse_lattices(one, other).log_belief).sum(axis=1) <= 1.0 + EXACT).all()
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(lattices())
 def test_a_camera_that_sees_nothing_has_no_weight(felt: Lattice) -> None:
     blind = replace(felt, log_belief=np.full(felt.log_belief.shape, -np.inf))
@@ -188,7 +188,7 @@ def test_one_place_tells_two_parts_of_a_lot_apart() -> None:
 serials = st.text(alphabet=LETTERS, min_size=4, max_size=17)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(serials, serials, st.floats(0.9, 0.9999), st.floats(0.9, 0.9999))
 def test_two_serials_are_never_accepted_as_one(
     felt: str, seen: str, doubt: float, other_doubt: float

@@ -71,7 +71,7 @@ def test_a_doubtful_character_leaves_it_open() -> None:
     assert doubted.messages() == ("place 4: 2 or Z (the bow of 2 has a corner in narrow fonts)",)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_as_by_writing_every_case_out(seed: int) -> None:
     """Same and differing against all combinations of characters and nothing at three places."""

@@ -28,7 +28,7 @@ PEERS = {
 
 
 @pytest.mark.parametrize("name", PEERS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_as_python_stdnum(name: str, data: st.DataObject) -> None:
     peer, alphabet, digits = PEERS[name]

@@ -231,7 +231,7 @@ FORMATS = (
 """Every named format, and masks, sets and expressions; masks and sets are cut to the length of the line."""
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(
     format=st.sampled_from(FORMATS),
     places=st.integers(1, 40),

@@ -163,7 +163,7 @@ def ink(font: Font, char: str) -> np.ndarray:
     return signed_distance(glyph, x[None, :], np.linspace(0, 1, GRID)[:, None], stroke=0.1) < 0
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 @given(st.integers(0, 2**32 - 1))
 def test_any_style_draws_all_serial_characters_about_one_cap_height_tall(seed: int) -> None:
     font = draw_face(draw_style(np.random.default_rng(seed)))

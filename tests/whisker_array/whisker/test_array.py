@@ -60,7 +60,7 @@ plans = st.builds(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(plan=plans)
 def test_every_line_is_traced_once_at_its_place(plan: RasterPlan) -> None:
     x0, y0, x1, y1 = plan.region_mm
@@ -87,7 +87,7 @@ def test_over_a_piece_every_whisker_crosses_the_whole_region(plan: RasterPlan) -
         assert (sweep.line_mm.max(axis=0) > high - plan.line_pitch_mm - 1e-9).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(plan=plans)
 def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
     x0, y0, x1, y1 = plan.region_mm

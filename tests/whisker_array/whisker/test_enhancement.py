@@ -214,7 +214,7 @@ def lean(alpha: float, beta: float, mu: float) -> tuple[float, float]:
     return along, across
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(alpha=ANGLES, beta=SETTINGS, mu=FRICTIONS)
 def test_f_is_1_but_for_the_axial_term(alpha: float, beta: float, mu: float) -> None:
     """D11 = n n^T + e a a^T: F = (1 + e tan(beta) q(0)) / (1 + e tan(beta) q(alpha)), q = along / across."""
@@ -232,7 +232,7 @@ def test_f_is_1_but_for_the_axial_term(alpha: float, beta: float, mu: float) -> 
     assert not is_jammed(-math.tan(alpha), mu, tip)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(alpha=ANGLES, beta=SETTINGS, mu=FRICTIONS)
 def test_it_jams_where_the_force_cannot_bend_it_up(alpha: float, beta: float, mu: float) -> None:
     across = lean(alpha, beta, mu)[1]
