@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from whisker_array.estimation.relief import Relief
 
 T = TypeVar("T")
-TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.TWINS, Measure.BY_TOUCH)
+TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.TWINS, Measure.BY_TOUCH)
 STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
 LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
 PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
@@ -155,6 +155,7 @@ def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measur
     return text_measures(
         odds=choice.odds,
         places=[place.confidence for place in choice.characters],
+        format_given=settings.grammar is not None,
         twins=unsettled_twins(choice.text, settings.grammar),
         by_touch=by_touch,
     )
@@ -217,6 +218,7 @@ def text_measures(
     *,
     odds: float,
     places: Iterable[float],
+    format_given: bool,
     twins: int,
     by_touch: float | None = None,
     most_odds: float = 50.0,
@@ -225,6 +227,7 @@ def text_measures(
     measures = {
         Measure.ODDS: min(max(odds, -most_odds), most_odds),
         Measure.LEAST_SURE: min(places),
+        Measure.FORMAT_GIVEN: float(format_given),
         Measure.TWINS: float(twins),
     }
     if by_touch is not None:

@@ -1,7 +1,7 @@
 """The score: the probability that the whole serial is right, from one to four measures of a reading.
 
     log odds of the text ------weight--+
-    characters with a twin ----weight--+--sum--> log odds --> probability --+
+    format, characters with twins weight+--sum--> log odds --> probability --+
                                                                             +--lesser--> score, 0 to 1
     probability of the least sure place ------------------------------------+
 
@@ -41,6 +41,7 @@ class Measure(StrEnum):
     CONFIDENCE = "confidence"
     ODDS = "log odds of the text before anything else is known"
     LEAST_SURE = "probability of the least sure place"
+    FORMAT_GIVEN = "1 with a format, 0 without"
     TWINS = "characters whose twin (0 and O, 1 and I, 5 and S) would fit as well"
     BY_TOUCH = "log odds of the text by touch alone"
     MARGIN = "least margin"

@@ -56,8 +56,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
     Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
+    Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
     Measure.TWINS: ((3.0, 0.0), 0.0),
-    Measure.COVERED: ((1.0, 0.0), 0.0),
     Measure.BY_TOUCH: ((-12.0, 0.0, 12.0), 0.0),
 }
 """Measures that may count: ends of their straight pieces, worst first, and the value that adds nothing."""
@@ -165,6 +165,7 @@ def _text_measures(
     return text_measures(
         odds=_odds(lattice, count_probability),
         places=np.exp(lattice.log_belief.max(axis=1)).tolist(),
+        format_given=bool(part.format),
         twins=unsettled_twins(lattice.text, part.readings["tactile"].grammar),
         by_touch=by_touch,
     )
@@ -175,7 +176,7 @@ def _odds(lattice: Lattice, count_probability: float) -> float:
 
 
 def disagree(
-    part: KeptPart, text: str, scores: Mapping[str, Score], *, sure: float = 0.97, ratio: float = 1000.0
+    part: KeptPart, text: str, scores: Mapping[str, Score], *, sure: float = 0.97, ratio: float = 300.0
 ) -> bool:
     """Whether a sense is sure of another text than the one read (see `judges.senses`)."""
     senses = [reading for sense in ("tactile", "vision") if (reading := _by_sense(part, sense)) is not None]
@@ -558,7 +559,7 @@ def report(
     yield f"{len(parts):,} parts ({generators}) in {len({part.font for part in parts})} font files."
     photographs = sum(not part.felt for part in parts)
     if photographs:
-        yield f"Of {photographs:,} of them only the photograph counts, as an earlier search for lines read it."
+        yield f"Of {photographs:,} of them only the photograph counts."
     yield from ("", "### Promised risk and risk seen", "", *risk_table(parts, judged, thresholds))
     both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), USUAL_RISK}
     for risk in sorted(both - {1.0}, reverse=True):

@@ -60,7 +60,7 @@ def senses_disagree(
     settings: DecisionSettings,
     *,
     sure: float = 0.97,
-    ratio: float = 1000.0,
+    ratio: float = 300.0,
 ) -> Iterator[Finding]:
     """Report a sense that is sure of another text than the fused one: it may have read another part.
 
@@ -69,7 +69,7 @@ def senses_disagree(
 
     Args:
         ratio: ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt
-            makes the camera take two or three characters for others at ten to one each; from 1,000 on it is not dirt.
+            makes the camera take two characters for others at ten to one each; from 300 on it is not dirt.
     """
     if not choice.alone:
         return

@@ -76,7 +76,7 @@ def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
 @pytest.mark.parametrize("odds", [math.inf, -math.inf])
 def test_certainty_is_no_missing_value(odds: float) -> None:
     probability = share(odds)
-    measured = text_measures(odds=log_odds(probability), places=[probability], twins=0)
+    measured = text_measures(odds=log_odds(probability), places=[probability], format_given=True, twins=0)
     assert (measured[Measure.ODDS], measured[Measure.LEAST_SURE]) == (math.copysign(50.0, odds), probability)
     assert Measure.ODDS not in Measures({(Measure.ODDS,): dict})
 
@@ -138,6 +138,7 @@ def test_strokes_are_measured_at_the_weakest_place() -> None:
 VALUES = {
     Measure.ODDS: st.floats(-13.0, 13.0),
     Measure.LEAST_SURE: st.floats(0.0, 1.0),
+    Measure.FORMAT_GIVEN: st.sampled_from([0.0, 1.0]),
     Measure.TWINS: st.integers(0, 9),
     Measure.EVIDENCE: st.floats(-10.0, 15.0),
     Measure.COVERED: st.floats(0.0, 1.0),
@@ -163,7 +164,9 @@ def test_measures_of_a_text_are_those_of_its_reading() -> None:
     places = (0.99, 0.7, 0.9, 0.95)
     lattice = Lattice(("A", "B"), np.log([[p, 0.5 * (1.0 - p)] for p in places]))
     measured = decide(Evidence.of(sense_of(lattice, likely=0.9)), SETTINGS).measures
-    expected = text_measures(odds=log_odds(math.prod(places) * 0.9), places=places, twins=0)
+    expected = text_measures(
+        odds=log_odds(math.prod(places) * 0.9), places=places, format_given=False, twins=0
+    )
     assert {name: measured[name] for name in expected} == pytest.approx(expected)
     assert Measure.BY_TOUCH not in measured
     both = Evidence.of(sense_of(lattice)).joined(Evidence.of(sense_of(lattice, "vision")))
