@@ -91,14 +91,14 @@ def test_the_weights_by_which_texts_were_drawn_come_back() -> None:
     rng = np.random.default_rng(3)
     readings = []
     for _ in range(20_000):
-        odds, covered = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
-        right = bool(rng.random() < expit(0.6 * odds - 0.5 - 2.0 * covered))
-        readings.append(known(odds, right, COVERED=covered))
+        odds, twins = float(rng.normal(1.0, 3.0)), float(rng.integers(0, 4))
+        right = bool(rng.random() < expit(0.6 * odds - 0.5 - 0.7 * twins))
+        readings.append(known(odds, right, TWINS=twins))
     fitted = fit_terms("tactile", readings)
     # some five standard errors of 20,000 readings
     assert fitted.slope == pytest.approx(0.6, abs=0.04)
     assert fitted.bias == pytest.approx(-0.5, abs=0.15)
-    assert fitted.terms[Measure.COVERED].nats(1.0) == pytest.approx(-2.0, abs=0.3)
+    assert fitted.terms[Measure.TWINS].nats(3.0) == pytest.approx(-2.1, abs=0.3)
     scores = np.array([fitted.probability(reading.measures) for reading in readings])
     assert scores.mean() == pytest.approx(np.mean([reading.right for reading in readings]), abs=2e-3)
 
@@ -107,9 +107,9 @@ def test_a_measure_never_counts_the_wrong_way() -> None:
     rng = np.random.default_rng(4)
     readings = []
     for _ in range(2000):
-        odds, covered = float(rng.normal(1.0, 3.0)), float(rng.uniform(0.0, 1.0))
-        # more cover is better here, by chance
-        readings.append(known(odds, bool(rng.random() < expit(odds + 3.0 * covered)), COVERED=covered))
+        odds, twins = float(rng.normal(1.0, 3.0)), float(rng.integers(0, 4))
+        # more twins are better here, by chance
+        readings.append(known(odds, bool(rng.random() < expit(odds + twins)), TWINS=twins))
     assert set(fit_terms("tactile", readings).terms) == {Measure.ODDS}
 
 
