@@ -156,7 +156,7 @@ def test_rounding_is_to_a_geometric_ladder(step: float) -> None:
 # -------------------------------------------------------------------------------------------------- kept predictions
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     monkeypatch.setattr(kept_predictions, "folder_of", lambda function: tmp_path)
     yield tmp_path
@@ -178,6 +178,7 @@ def same(one: object, other: object) -> bool:
     return all(same(a, b) if isinstance(a, View) else np.array_equal(a, b) for a, b in pairs if a is not None)
 
 
+@pytest.mark.usefixtures("folder")
 def test_what_was_made_is_found_again_and_other_things_are_not() -> None:
     kept(("one", 2, (3.0, np.zeros(2))), make)
     assert np.array_equal(kept(("one", 2, (3.0, np.zeros(2))), never)["values"], np.arange(5.0))
