@@ -191,8 +191,6 @@ def disagree(
             if lead > np.log(ratio) or scores[reading.source].probability(reading.measures) >= sure:
                 return True
     first, second = lattices
-    assert first is not None
-    assert second is not None
     return first.n_places == second.n_places and contradict(first, second)
 
 

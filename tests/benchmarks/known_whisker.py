@@ -71,7 +71,6 @@ def scans_of(part: Specimen, height_mm: float, rng: np.random.Generator) -> Iter
 def _taken(scan: Scan, height_mm: float, off: dict[str, float], *, gains: NDArray[np.float64]) -> Scan:
     """The scan of a whisker that is taken for another."""
     touch, known = scan.touch, scan.calibration
-    assert known is not None
     if turned := off.get(Unknown.BETA):
         whisker = default_whisker(height_mm)
         whisker = replace(whisker, beta_rad=whisker.beta_rad + math.radians(turned))

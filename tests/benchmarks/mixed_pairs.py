@@ -52,8 +52,6 @@ def read_parts(reader: Reader, *, parts: int, seed: int) -> Iterator[ReadPart]:
 
 def lighter(reading: Reading) -> Reading:
     """The reading without scan and map."""
-    assert reading.evidence is not None
-    assert reading.evidence.touch is not None
     touch = reading.evidence.touch.logged(scan=None, surface=None)
     trace = replace(reading.trace, scan=None, height_map=None, edge_map=None)
     return replace(reading, trace=trace, evidence=Evidence.of(touch))

@@ -33,7 +33,6 @@ SHAPE = (3000, 4000)
 
 
 def looks_of(reading: Reading) -> int:
-    assert reading.evidence is not None
     return sum(sense.lines.looks for sense in reading.evidence.senses if sense.lines is not None)
 
 
@@ -97,6 +96,5 @@ def test_costs_of_parts() -> None:
         "\n| part | CPU, ms: median | 95 % | looks: median | most |\n|---|---|---|---|---|", *rows, sep="\n"
     )
     limits = SearchLimits()
-    assert limits.most_looks is not None
     most_looks = limits.most_looks + limits.layout_looks
     assert all(int(line.split("|")[-2]) <= 2 * most_looks for line in rows if "recogniser" not in line)

@@ -114,18 +114,14 @@ def one_core(name: str, *, threads: str | None = "1") -> Iterator[subprocess.Pop
         env={**os.environ, **one, "PYTHONPATH": str(Path(__file__).parents[2])},
     ) as process:
         try:
-            assert process.stdout is not None
             assert process.stdout.readline().strip() == "ready"
             yield process
         finally:
-            assert process.stdin is not None
             process.stdin.close()
             process.wait(timeout=60)
 
 
 def ask(process: subprocess.Popen[str]) -> str:
-    assert process.stdin is not None
-    assert process.stdout is not None
     process.stdin.write("\n")
     process.stdin.flush()
     return process.stdout.readline().strip()

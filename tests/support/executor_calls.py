@@ -56,15 +56,6 @@ def noted(folder: str, task: int) -> int:
     return task
 
 
-def noted_by_two(folder: str, task: int) -> int:
-    """Note who did it; return when two processes have, however long one of them takes to begin."""
-    Path(folder, f"{task}.txt").write_text(f"{os.getpid()}\n")
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until and len({p.read_text() for p in Path(folder).iterdir()} - {""}) < 2:
-        time.sleep(0.01)
-    return task
-
-
 # -------------------------------------------------------------------------------------------------------- pool calls
 
 

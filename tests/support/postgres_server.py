@@ -160,7 +160,6 @@ class PostgresServer:
     @contextlib.contextmanager
     def frozen(self) -> Iterator[None]:
         """Stop all its processes, which keep their sockets open; they go on at the end."""
-        assert self._process is not None
         main = self._process.pid
         self._process.send_signal(signal.SIGSTOP)
         children = Path(f"/proc/{main}/task/{main}/children").read_text(encoding="ascii").split()

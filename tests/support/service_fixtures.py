@@ -109,7 +109,6 @@ def triggered(served: Served, name: str, job: str = "") -> PartRecord:
     """The part that a trigger of the TCP port or of OPC UA gives, on the service's own loop; raises the problem that
     those ports answer with."""
     service, client = served
-    assert client.portal is not None
     try:
         return client.portal.call(service.intake.trigger, name, job)
     except Exception as error:
