@@ -18,7 +18,6 @@ from pipeline.formats.glyph_database import load_database
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, make_part
-from pipeline.plots.fonts_picture import exemplars_figure
 from pipeline.reading.enrolment import MOST_EXEMPLARS, enrol
 from pipeline.reading.enrolment_check import check_held_out
 from pipeline.reading.readers import open_reader
@@ -84,37 +83,6 @@ def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     after = Reader(settings_of_reader, fonts=fonts).read(part.height_map)
     assert before.decision in ("review", "reject")
     assert (after.text, after.decision, after.font) == (part.text, "accept", "press-7")
-
-
-def test_the_report_says_what_was_learned(taught, folder):
-    _, report = taught
-    assert [name for name, _ in report.enrolled] == [f"part-{k}" for k in range(8)]
-    assert report.felt == "0123456789"
-    assert (report.refused, report.set_aside, report.known, report.exemplars) == ((), (), (), 32)
-    assert report.like == "gothic"
-    assert not report.trusted
-    assert "32 of 32 used, for the shapes of 0123456789" in report.describe()
-    assert "not learned, taken from gothic: ABC" in report.describe()
-
-
-def test_what_is_set_aside_is_named_by_character_part_and_place(taught):
-    _, report = taught
-    (first, *_) = load_database(taught[0]).exemplars
-    aside = tuple(
-        replace(first, char=char, part=part, place=place)
-        for char, part, place in (("8", "part-7", 1), ("C", "part-3", 2), ("8", "part-1", 4))
-    )
-    described = replace(report, set_aside=aside, exemplars=29).describe()
-    assert "29 of 32 used" in described
-    assert "8 2 (part-1 place 4, part-7 place 1), C 1 (part-3 place 2)" in described
-
-
-def test_the_exemplars_are_drawn_with_those_set_aside_in_red(taught):
-    held = load_database(taught[0])
-    first = held.exemplars[0]
-    figure = exemplars_figure(held.fonts["press-7"], held.exemplars, [first])
-    red = [ax.get_title() for ax in figure.axes if ax.title.get_color() == "#c62828"]
-    assert red == [f"{first.part}: 1"]
 
 
 def test_parts_held_out_show_whether_the_font_helps(taught, folder):

@@ -280,13 +280,6 @@ def test_what_is_no_file_or_an_unknown_one_is_a_part_to_be_refused_later(folder:
             read_height_map(part.height_map)
 
 
-def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
-    (tmp_path / os.fsdecode(b"st\xfcck.npz")).write_bytes(b"x")
-    (part,) = discover([tmp_path])
-    assert part.name.encode() == b"st?ck"
-    assert Path(part.height_map).read_bytes() == b"x"
-
-
 @pytest.mark.parametrize("inputs", [[], ["*.npz"], ["."]])
 def test_nothing_found_is_said(inputs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -5,10 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ipaddress
-import os
-import socket
 import ssl
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +21,7 @@ from pipeline.common.records import PartState, Scope
 from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
-from pipeline.service.web.access import COOKIE, is_in, is_own_user, user_of
+from pipeline.service.web.access import COOKIE, is_in
 from pipeline.service.web.door import SMALL_BODY
 from pipeline.service.web.web_server import Room, patient_protocol
 from pipeline.store.store import Store
@@ -292,24 +289,6 @@ def test_a_session_ends_after_a_shift(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr("pipeline.store.access.SIGNED_IN_S", 0)
     assert store.session_token(cookie) is None
     store.close()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="needs the kernel's table of sockets")
-@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
-def test_the_user_of_a_connection_is_its_program_s(host: str) -> None:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family) as listener:
-        try:
-            listener.bind((host, 0))
-        except OSError:
-            pytest.skip("this machine has no such address")
-        listener.listen()
-        with socket.create_connection(listener.getsockname()[:2]) as caller:
-            client, server = caller.getsockname()[:2], listener.getsockname()[:2]
-            assert user_of(client, server) == os.geteuid()
-            assert is_own_user(client, server)
-            assert user_of((host, client[1] + 1), server) == -1
-    assert is_own_user(("testclient", 1), ("testserver", 80))  # no socket
 
 
 @pytest.mark.parametrize(

@@ -113,29 +113,6 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
         assert post(client, job=odd).status_code == 422
 
 
-NO_JOBS = (
-    'format = "re:["\n', f"height_mm = {'9' * 5000}\n", f"height_mm = 0x{'f' * 5000}\n", f"format = {'[' * 20_000}\n",
-    "\xff\xfe\0", "no toml at all",
-)  # fmt: skip
-
-
-def test_jobs_that_cannot_be_used_cost_their_own_parts_alone(tmp_path: Path) -> None:
-    put(tmp_path / "jobs", "left", 'format = "A9"\n')
-    names = [f"bad{k}" for k in range(len(NO_JOBS))]
-    for name, text in zip(names, NO_JOBS, strict=True):
-        put(tmp_path / "jobs", name, text, encoding="latin-1")
-    with inline_service(tmp_path, instead=by_format) as (_, client):
-        assert post(client, job="left").json()["text"] == "A9"
-        for name in names:
-            refused = post(client, job=name)
-            assert (refused.status_code, refused.headers["Retry-After"]) == (503, "5")
-            assert refused.json()["detail"].startswith(f"the job {name} cannot be used: {name}.toml: ")
-        assert [job["name"] for job in client.get("/v1/jobs").json() if job["problem"]] == names
-        assert (client.get("/jobs").status_code, client.get("/readyz").status_code) == (200, 200)
-        put(tmp_path / "jobs", "bad0", 'format = "99"\n')
-        assert post(client, job="bad0").json()["text"] == "99"
-
-
 def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path: Path) -> None:
     watch = tmp_path / "camera"
     with (

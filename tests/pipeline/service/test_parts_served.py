@@ -16,7 +16,6 @@ from starlette.testclient import TestClient
 from glyphs.errors import FileError
 from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, ReviewAction, Scope
-from pipeline.common.texts import unescape_formula
 from pipeline.service import api
 from pipeline.service.api import COLUMNS
 from pipeline.service.app import Service, check_folder
@@ -161,14 +160,6 @@ def test_filters(served: Served, clock: Clock) -> None:
     assert (row["reviewed_by"], row["review"], row["note"]) == ("Ada", "correct", "worn")
     for wrong in ("yesterday", "9999-12-31T23:59:59-23:00"):
         assert client.get("/v1/parts.csv", params={"since": wrong}).status_code == 422
-
-
-@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", '=HYPERLINK("http://x","y")'])
-def test_no_cell_is_a_formula(served: Served, name: str) -> None:
-    received(served[0].store, name=name)
-    cell = rows(served[1])[0]["name"]
-    assert cell.startswith("'")
-    assert unescape_formula(cell) == name
 
 
 def test_a_token_to_write_looks_up_a_part_but_does_not_list_parts(tmp_path: Path) -> None:

@@ -25,10 +25,9 @@ from pipeline.reading.part_job import check_settings
 from pipeline.reading.triage import ReadPart
 from pipeline.service import worker_calls
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
 from pipeline.workers.executors import WorkerLostError
-from tests.support.service_fixtures import Served, inline_service, triggered
+from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import PLAN, reading
 from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
@@ -164,32 +163,6 @@ def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_
     assert (ready.status_code, "took longer than 60 s" in ready.json()["detail"]) == (503, True)
     broken.clear()
     wait_until(lambda: client.get("/readyz").status_code == 200)
-
-
-def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
-    tmp_path: Path, plate: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    back = threading.Event()
-
-    class Hanging:
-        def take(self, name: str) -> Path:
-            back.wait()
-            raise AssertionError("nobody waits any more")
-
-    monkeypatch.setattr("pipeline.formats.synth.hanging", Hanging, raising=False)
-    camera = {"camera": {"device": "pipeline.formats.synth:hanging"}, "device_timeout_s": 0.1}
-    try:
-        with inline_service(tmp_path, instead=read_at_once, **camera) as (service, client):
-            for _ in range(3):
-                with pytest.raises(Problem, match="the camera has not answered") as caught:
-                    triggered((service, client), "part")
-                assert (caught.value.status, caught.value.headers["Retry-After"]) == (503, "30")
-            ready = client.get("/readyz")
-            assert (ready.status_code, "the camera has not answered" in ready.json()["detail"]) == (503, True)
-            assert client.get("/healthz").status_code == 200
-            assert sent(client, plate).status_code == 201
-    finally:
-        back.set()
 
 
 @pytest.mark.parametrize(("jams", "status"), [("open", 503), ("feel", 503), ("close", 422)])

@@ -80,15 +80,6 @@ def test_recording_lies_in_the_frame_of_the_order(
     assert lines.min() == pytest.approx(y0 + off[1])
 
 
-def test_the_same_part_gives_the_same_moments(plates: Path, tmp_path: Path) -> None:
-    moments = []
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        made = feel_plan(SimulatedStage(plates, seed=3), ScanOrder("plate", STAGE_PLAN), tmp_path / name)
-        moments.append(read_scan(made).sweeps[0].moment_n_mm)
-    np.testing.assert_array_equal(*moments)
-
-
 NAMES = [
     "../outside",
     "..",

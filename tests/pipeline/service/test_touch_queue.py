@@ -121,13 +121,6 @@ def test_a_stage_that_fails_in_the_call_sends_the_part_to_a_person_and_a_release
     assert bench.asked == [part.id] * 2
 
 
-def test_a_busy_queue_or_a_stage_that_fails_is_tried_again(store: Store) -> None:
-    part, bench = waiting(store), Bench(store, knows_place=True, retry_s=0.02)
-    bench.fails = lambda: Problem(503, "busy") if len(bench.asked) < 3 else None
-    asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
-    assert bench.asked == [part.id] * 3
-
-
 def test_why_a_part_is_not_felt_is_noted_once_and_again_if_it_changes(store: Store) -> None:
     part, bench = waiting(store), Bench(store, knows_place=True, retry_s=0.01)
     assert bench.queue.trouble == ""

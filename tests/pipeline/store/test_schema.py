@@ -127,17 +127,6 @@ def test_an_older_store_is_brought_up_to_date_once_it_may_be(
     assert "note" in {column["name"] for column in sa.inspect(_engine(store_url)).get_columns("tokens")}
 
 
-def test_parts_cannot_be_removed_from_under_their_readings(store: Store, store_url: str) -> None:
-    part = received(store)
-    engine = _engine(store_url)
-    with engine.begin() as connection:
-        if engine.dialect.name == "sqlite":
-            connection.execute(sa.text("PRAGMA foreign_keys = ON"))
-        with pytest.raises(sa.exc.IntegrityError, match=r"(?i)foreign key"):
-            connection.execute(sa.text("DELETE FROM parts"))
-    assert store.part(part.id) == part
-
-
 def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     """SQLite's own word on how it would do every statement."""
     store = Store.open(f"sqlite:///{tmp_path}/store.db")

@@ -111,28 +111,6 @@ def test_the_table_has_a_line_a_trial(written: Path) -> None:
     assert rows[4]["error"] == "<b>it & broke</b>"
 
 
-def test_the_tables_for_documents_are_those_of_the_trials(written: Path) -> None:
-    text = (written / report.DOCUMENT).read_text(encoding="utf-8")
-    first, facts, headlines, leaders, pairs, *more = text.strip().split("\n\n")
-    assert first == "tactile-marks benchmark run --seed 1"
-    assert facts == "Readers are given nothing. Touch: real sensors."
-    assert "| tactile | – | 50.0 | 20.0 | 40.0 | – |" in headlines
-    assert "| fused | vision | +0.0 (–) | 0 | 0 | 1.000 |" in pairs
-    assert more[-1] == "1 trials have no reading; they count as read empty. report.html lists the errors."
-    table = leaders.splitlines()
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
-    (tactile,) = (dict(zip(rows[0], row, strict=True)) for row in rows[2:] if row[0] == "tactile")
-    # 1 of 5 serials and 5 of 10 characters right, 2 accepted, 1 of them wrong
-    assert (tactile["reader"], tactile["parts"], tactile["accepted"]) == ("tactile", "5", "40.0")
-    assert tactile["characters"].startswith("50.0 (")
-    assert tactile["serials"].startswith("20.0 (")
-    assert tactile["of these wrong (at most)"] == "1 of 2 (97.5)"
-    assert (tactile["CER, %"], tactile["places wrong, %"]) == ("50.0", "50.0")
-    assert float(tactile["AURC"]) > 0.0
-    errors = [float(row[2]) for row in rows[2:]]
-    assert errors == sorted(errors)
-
-
 def test_the_figures_are_those_of_the_trials(written: Path) -> None:
     told = json.loads((written / report.FIGURES).read_text(encoding="utf-8"))
     tactile = next(g for g in told["by_severity"] if g["mode"] == "tactile")

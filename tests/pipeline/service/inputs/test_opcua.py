@@ -22,7 +22,6 @@ from pipeline.common.version import program_version
 from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result, status_of
-from pipeline.service.inputs.opcua_server import settings_fit
 from pipeline.service.settings import OpcUaSettings
 from pipeline.service.stage.work import CameraPictures
 from pipeline.service.web.problem import Problem
@@ -326,27 +325,6 @@ async def test_one_scan_at_a_time_and_its_status(shared: Shared) -> None:
         go.set()
         while await value_of(other, "3:DeviceStatus") != 0:
             await asyncio.sleep(0.01)
-
-
-async def test_settings_that_cannot_be_are_refused(shared: Shared) -> None:
-    async with shared.serving() as (_, url), asking(url) as (_, device):
-        for wrong in (
-            settings(0.0, 0, False),
-            settings(-1.0),
-            settings(float("nan")),
-            settings(float("inf")),
-            settings(cycles=2),
-            settings(cycles=-1),
-            "no settings",
-        ):
-            with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
-                await device.call_method("3:Scan", wrong)
-        with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
-            await device.call_method("3:Scan")
-        for wrong in (7, "a\x07b"):
-            with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
-                await device.call_method("4:TriggerPart", wrong)
-    assert not settings_fit((), endless=True)
 
 
 async def test_failures_come_as_a_status_and_words(shared: Shared) -> None:

