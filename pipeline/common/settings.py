@@ -361,8 +361,7 @@ class ReadSettings(MapSettings, PartSettings):
     limit_s: float | None = Field(default=None, gt=0.0, le=3600.0, allow_inf_nan=False)
     """Seconds after which a sense searches a part no further: the best text so far is shown, "stopped after N s". It is
     not accepted, unless the other sense accepts the same text. Pass by pass, budget_s counts instead. Default: no
-    limit; 60 for parts that are sent to the service. A worker that takes twice as long, and 900 s at least (120 in the
-    service), is replaced and its part given up."""
+    limit; 60 for parts that are sent to the service."""
 
     @property
     def regions(self) -> bool:

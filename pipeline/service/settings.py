@@ -286,7 +286,7 @@ class ServiceSettings(Settings):
         **dict.fromkeys(("connections", "queue"), ""),
         **dict.fromkeys(("limits.photo_pixels", "limits.map_samples", "log"), ""),
         **dict.fromkeys(("limits.upload_mb", "upload_mb"), ""),
-        "part_timeout_s": "limit_s (a worker has twice as long)",
+        "part_timeout_s": "part_timeout_s in [workers]",
         "alerts.window": "alerts.reject_rate (of the latest 200 parts)",
         "jobs": "jobs in [workers]",
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),

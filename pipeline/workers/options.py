@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import partial
 from typing import ClassVar, ParamSpec, TypeVar, cast
@@ -22,11 +22,13 @@ class PoolSettings(Settings):
     """Settings of the workers on this machine."""
 
     table: ClassVar[str] = "workers"
-    replaced: ClassVar[Mapping[str, str]] = {"part_timeout_s": "limit_s (a worker has twice as long)"}
 
     jobs: int | None = Field(default=None, ge=1, le=256)
     """Worker processes. Default: one for each core. Only workers open files: a file that crashes the library that opens
     it costs one part, not the run."""
+    part_timeout_s: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
+    """Seconds after which a worker on this machine gives a part up. Default: twice limit_s, and at least 900 in a run,
+    120 in the service."""
 
     @property
     def processes(self) -> int:
@@ -46,7 +48,7 @@ class WorkerSettings(PoolSettings):
 
         Args:
             parts: number of parts; None if not known yet.
-            limit_s: limit of the search of a part; a worker gives it up after twice that, and after 900 s at least.
+            limit_s: limit of the search of a part; see `part_timeout_s`.
         """
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
@@ -54,7 +56,7 @@ class WorkerSettings(PoolSettings):
             return ClusterExecutor(self.cluster)
         return WorkPool(
             self.processes if parts is None else min(self.processes, max(1, parts)),
-            timeout_s=max(PART_TIMEOUT_S, 2.0 * (limit_s or 0.0)),
+            timeout_s=self.part_timeout_s or max(PART_TIMEOUT_S, 2.0 * (limit_s or 0.0)),
             at_once=False,
         )
 

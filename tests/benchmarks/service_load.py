@@ -13,8 +13,8 @@ which it kept from being sent. Every tenth part is sent twice at once with one I
 
 Loads only a service of its own, on 127.0.0.1. Of the answers: accepted with the right text, accepted with a wrong one,
 503 (retry later), failed; seconds of those that were read; memory of the service and of its workers together,
-open files of the service. Ends with status 1 where a text was accepted that is wrong, an answer failed, or the store
-does not hold exactly the parts that were answered.
+open files of the service, processor time of both a part. Ends with status 1 where a text was accepted that is wrong, an
+answer failed, or the store does not hold exactly the parts that were answered.
 """
 
 from __future__ import annotations
@@ -164,17 +164,24 @@ def make_samples(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> tup
 
 def footprint(pid: int) -> tuple[float, float, int]:
     """Memory of a service in MB, that of its workers together, and its open files."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
-    others = [
-        tid / "children" for tid in Path(f"/proc/{pid}/task").iterdir() if tid.name != str(pid)
-    ]  # workers are started by a thread
-    for path in others:
-        children += path.read_text(encoding="ascii").split()
-    return (
-        _resident_mb(pid),
-        sum(_resident_mb(int(child)) for child in children),
-        len(os.listdir(f"/proc/{pid}/fd")),
-    )
+    workers = sum(_resident_mb(child) for child in _children(pid))
+    return _resident_mb(pid), workers, len(os.listdir(f"/proc/{pid}/fd"))
+
+
+def processor_s(pid: int) -> tuple[float, float]:
+    """Processor time of a service, and of its workers together."""
+    return _processor_s(pid), sum(_processor_s(child) for child in _children(pid))
+
+
+def _children(pid: int) -> list[int]:
+    # workers are started by a thread
+    lists = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(child) for path in lists for child in path.read_text(encoding="ascii").split()]
+
+
+def _processor_s(pid: int) -> float:
+    user, system = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def _resident_mb(pid: int) -> float:
@@ -267,10 +274,15 @@ def main() -> int:
                 total.ids |= tally.ids
                 for rate in chosen.rates:
                     times = arrivals(rate, chosen.seconds, poisson=not chosen.even, rng=rng)
+                    before = processor_s(service.process.pid)
                     tally, took = asyncio.run(
                         load(service, kind, samples, times=times, rate=rate, sample_s=chosen.sample)
                     )
                     print(row(kind, rate, took, tally, service.process.pid), f" {dict(tally.ends)}")
+                    spent = np.subtract(processor_s(service.process.pid), before) / max(len(times), 1)
+                    print(
+                        f"processor time a part: service {1e3 * spent[0]:.1f} ms, workers {1e3 * spent[1]:.1f} ms"
+                    )
                     total.ends += tally.ends
                     total.ids |= tally.ids
         with sqlite3.connect(folder / "service" / STORE_FILE) as store:
