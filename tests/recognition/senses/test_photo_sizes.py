@@ -25,30 +25,16 @@ def photo(pixels: int, *, pitch_mm: float | None = 0.01) -> Photo:
     return Photo(np.zeros((rows, 3 * rows), dtype=np.uint8), pitch_mm=pitch_mm)
 
 
-def looks(given: Photo, height_mm: float | None) -> list[int]:
-    """Pixels of the photographs that are looked at, of characters so high."""
-    seen: list[int] = []
-    for small in shrunk_versions(given):
-        seen.append(small.shape[0] * small.shape[1])
-        if height_mm is not None and is_large_enough(small, height_mm):
-            break
-    return seen
+def test_large_photographs_are_read_at_several_sizes_and_small_ones_as_they_are() -> None:
+    sizes = [small.pixels.size for small in shrunk_versions(photo(12_000_000))]
+    assert sizes == pytest.approx(list(SIZES), rel=0.01)
+    assert [small.shape for small in shrunk_versions(photo(400_000))] == [photo(400_000).shape]
 
 
-def test_small_photographs_are_read_as_they_are() -> None:
-    taken = photo(400_000)
-    assert looks(taken, None) == [taken.shape[0] * taken.shape[1]]
-
-
-def test_high_characters_are_read_at_the_first_size() -> None:
-    taken = photo(12_000_000)
-    height_mm = 0.01 * ENOUGH_ROWS * (12_000_000 / SIZES[0]) ** 0.5
-    assert looks(taken, 1.02 * height_mm) == pytest.approx([SIZES[0]], rel=0.01)
-    assert looks(taken, 0.98 * height_mm) == pytest.approx(list(SIZES), rel=0.01)
-
-
-def test_where_no_line_is_found_all_sizes_are_tried() -> None:
-    assert looks(photo(12_000_000), None) == pytest.approx(list(SIZES), rel=0.01)
+def test_characters_of_enough_rows_are_large_enough() -> None:
+    height_mm = 0.01 * ENOUGH_ROWS
+    assert is_large_enough(photo(400_000), 1.02 * height_mm)
+    assert not is_large_enough(photo(400_000), 0.98 * height_mm)
 
 
 @pytest.mark.parametrize("centre", [None, (7.0, -3.0)])

@@ -121,7 +121,6 @@ def test_the_contrast_is_the_worst_step_by_eq_16(made: Design) -> None:
 def test_no_feasible_whisker_by_chance_is_better(made: Design) -> None:
     rng = np.random.default_rng(7)
     section = made.whisker.section
-    assert isinstance(section, Rectangle)
     w = made.whisker
     axis = w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm
     found = 0
