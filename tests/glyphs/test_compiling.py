@@ -61,13 +61,14 @@ def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done(
     values, out = read_only([1.0, 2.5]), np.empty(2)
     with show_compiling(lines.append):
         twice(values, out)
-        assert lines == [COMPILE_ONCE]
         end_part()
         twice(values, out)
     np.testing.assert_array_equal(out, [2.0, 5.0])
-    assert lines[0] == COMPILE_ONCE
-    assert len(lines) == 2
-    assert lines[1].startswith("kernels compiled in ")
+    # in between, a busy machine shows how far it is
+    first, *_, last = lines
+    assert first == COMPILE_ONCE
+    assert last.startswith("kernels compiled in ")
+    assert all(line.startswith("compiling kernels: ") for line in lines[1:-1])
 
 
 def test_compiling_is_announced_once_and_its_progress_shown() -> None:

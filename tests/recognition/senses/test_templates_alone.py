@@ -14,6 +14,7 @@ from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
 from recognition.decide.decision import Decision
 from recognition.find.template_lines import TemplateSearch
+from recognition.language.grammar import Grammar
 from recognition.reader import Reader
 from recognition.recogniser import networks
 from recognition.recogniser.read_line import ReadLine
@@ -37,7 +38,8 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def reader(**changed: object) -> Reader:
-    options = {"fonts": ("gothic",), "format": "A9", "height_mm": 4.0, "orientation": "upright", **changed}
+    few = Grammar(sets=("KTRB", "7832"))  # of few characters, which take few templates
+    options = {"fonts": ("gothic",), "format": few, "height_mm": 4.0, "orientation": "upright", **changed}
     settings = ReaderSettings(experts=("templates",), **options)  # type: ignore[arg-type]
     return READERS.setdefault(settings, Reader(settings))
 
