@@ -91,7 +91,7 @@ def ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(sums[:, 1] > 0.0, sums[:, 0] / np.maximum(sums[:, 1], 1.0), np.nan)
 
 
-def bootstrap_share(right: Sequence[int], total: Sequence[int], *, least: float = 0.0) -> Estimate:
+def bootstrap_share(right: Sequence[float], total: Sequence[int], *, least: float = 0.0) -> Estimate:
     """A share of characters with its 95 % interval; those of one part share its dirt, so whole parts are resampled.
 
     `right` and `total` are (parts,); for a difference of two readers the least share of a part is -1.
@@ -137,7 +137,9 @@ class CharacterTest:
     p_differ: float
 
 
-def compare_characters(first: Sequence[int], second: Sequence[int], total: Sequence[int]) -> CharacterTest:
+def compare_characters(
+    first: Sequence[float], second: Sequence[float], total: Sequence[int]
+) -> CharacterTest:
     """Compare two modes by their characters right, (parts,) each: permutation test and bootstrap, both by part."""
     from scipy.stats import permutation_test
 
