@@ -161,13 +161,18 @@ def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measur
     )
 
 
-def unsettled_twins(text: str, grammar: Grammar | None, *, pairs: Sequence[str] = ("0O", "1I", "5S")) -> int:
+def unsettled_twins(
+    text: str,
+    grammar: Grammar | None,
+    *,
+    pairs: Sequence[tuple[str, str]] = (("0", "O"), ("1", "I"), ("5", "S")),
+) -> int:
     """Number of characters of a text that nothing but their shape tells from their twin, which is much the same.
 
     Args:
         grammar: format; where it forbids the twin, or a check digit does, the character is settled.
     """
-    twins = {char: twin for pair in pairs for char, twin in (pair, pair[::-1])}
+    twins = dict((*pairs, *((second, first) for first, second in pairs)))
     return sum(
         grammar is None or grammar.allows(text[:k] + twins[char] + text[k + 1 :])
         for k, char in enumerate(text)
