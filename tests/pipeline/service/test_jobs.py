@@ -263,16 +263,8 @@ def test_the_page_teaches_those_who_may_review(tmp_path: Path) -> None:
             "bottom": "50",
         }
         assert client.post("/jobs/new", data=said, headers=looks).status_code == 403
-        for key, value, says in (
-            ("top", "60", "draw a box first"),
-            ("top", "much", "is not a number"),
-            ("text", " ", "type the text"),
-            ("format", "A", "is not of the format a"),
-            ("height_mm", "-1", "height_mm is -1.0"),
-            ("database", "none", "there is no glyph database"),
-        ):
-            refused = client.post("/jobs/new", data={**said, key: value}, headers=reviews)
-            assert (refused.status_code, says in html.unescape(refused.text).lower()) == (422, True), says
+        refused = client.post("/jobs/new", data={**said, "top": "60"}, headers=reviews)
+        assert (refused.status_code, "Draw a box first" in html.unescape(refused.text)) == (422, True)
         assert client.get("/v1/jobs", headers=looks).json() == []
         saved = client.post("/jobs/new", data=said, headers=reviews)
         assert (saved.status_code, "left" in saved.text) == (200, True)
