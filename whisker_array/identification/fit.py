@@ -8,21 +8,24 @@ The second sum is the workshop's prior knowledge (`bench.prior_sd`), without whi
 one row of the problem for each number. rho is that of soft L1, linear beyond `BEND` sigmas, so that the jumps of tips
 that slip at steep edges do not dominate. At edges a sample is also uncertain because a pass does not return exactly to
 its line. Contact is rough: a small change of a number makes single samples jump. So samples are averaged over `PIXEL`
-of them, and derivatives are central differences over a share of the prior standard deviation.
+of them, and derivatives are central differences over a share of the prior standard deviation, without the samples
+that jump between (`MOST_BEND`).
 
-The covariance is that of a bootstrap over passes, linear about the solution: every pass gets an exponential weight
-(D. B. Rubin, The Bayesian bootstrap, Ann. Statist. 9 (1981) 130), and every prior mean a draw. All whiskers share the
-vibration and the drift of a pass, so neither needs a model of its own.
+The covariance has four parts, linear about the solution: priors; the delete-one jackknife over sweeps, whose samples
+share errors of the simulation in that direction, as well as vibration and drift (B. Efron, C. Stein, The jackknife
+estimate of variance, Ann. Statist. 9 (1981) 586); errors of the stage's screws, which all passes share; and the Newton
+step that is left where the rough sum has stopped the fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import least_squares
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import OneLine
@@ -54,16 +57,15 @@ class Stage:
     place_mm: float  # standard deviation of a position; wide at first, so that edges attract each other
     step: float  # half the width of a difference by a position or the friction, in prior standard deviations
     numbers: tuple[Unknown, ...] = tuple(Unknown)
-    # whether slopes are reduced by the share that roughness explains; far from the solution nothing would be
-    # left of them
-    cautious: bool = True
+    # whether samples that jump are left out of the slopes; far from the solution nothing would be left
+    smooth: bool = True
 
 
 POSITIONS = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.PLAY)
 FIRST = (*POSITIONS[:3], Unknown.PRELOAD, Unknown.FRICTION, Unknown.TILT_X, Unknown.TILT_Y)
 """Numbers of the first stage, which put the piece under the lines; the others hardly move an edge."""
 STAGES = (
-    Stage(48, 2.0, 0.1, 0.5, FIRST, cautious=False),
+    Stage(48, 2.0, 0.1, 0.5, FIRST, smooth=False),
     Stage(96, 1.3, 0.02, 0.2),
     Stage(192, 1.0, 0.005, 0.1),
 )
@@ -72,14 +74,16 @@ STEP, LENGTH_STEP = 0.3, 1.0
 """Half the width of a difference by other numbers, prior standard deviations: the signal is nearly linear
 in them, and a wide difference drowns the roughness."""
 BEND = 1.5
+MOST_BEND = 0.5
+"""Most bend of a sample between the ends of a difference, in its slope: a jump on one side has 1."""
+FEWEST_SWEEPS = 4
+"""Fewest sweeps for the jackknife; with fewer it goes by passes."""
 PIXEL = 4
 LEVEL_SD, LEVEL_DEGREE = 0.5, 3
 """A pass's level drifts as Legendre polynomials up to this degree, each of this size in scatters of a sample."""
-LEFT_OUT = {Unknown.SHIFT_X: 1e-3, Unknown.SHIFT_Y: 1e-3, Unknown.PRELOAD: 3e-4}
-WIDER = 2.0
-"""Errors that all passes share (of the grid, of the stage's screws), so that they do not show as scatter: mm, and the
-factor by which standard deviations of the bootstrap are wider. Set by what
-`tests.benchmarks.identify_benches` missed."""
+SCREW_MM, SCREW_SD_MM = 1.0, 0.0028
+"""Length within which a screw's error is the same, half a turn, and its rms, mm: that of a wave of 8 um from crest to
+trough (tolerance grade 5 of ISO 3408-3)."""
 _WORST = 0.02
 """Share of the worst samples that the misfit leaves out."""
 
@@ -148,7 +152,6 @@ def identify(
     only: tuple[Unknown, ...] = tuple(Unknown),
     grid_mm: float = GRID_MM,
     tip_sd: float = GROUND_TIP,  # prior standard deviation of the tip's radius, as a share of the radius
-    seed: int = 0,
     fewest_passes: int = 6,
     finest: float = 0.1,  # finest grid as a share of the tip's radius; a finer one adds no detail
 ) -> Identified:
@@ -186,30 +189,31 @@ def identify(
         )
         forward.exclude_jams(about)
         rows = _Rows(forward, nominal, sd, only, stage, scatter)
-        solution = least_squares(
+        u = least_squares(
             rows, u, rows.jacobian, loss="soft_l1", f_scale=BEND, ftol=3e-4, xtol=1e-3, max_nfev=16
-        )
-        u = solution.x
+        ).x
+    jacobian, residuals = linear = rows.scaled(u)
+    left = -np.linalg.solve(jacobian.T @ jacobian, jacobian.T @ residuals)
     # derivative of each number by its u: some numbers move in proportion (`Bench.moved`)
     above, below = (nominal.moved(sd * (u + off)).vector() for off in (1e-4, -1e-4))
     scale = (above - below) / 2e-4
-    repeated, covariance = (
-        rows.bootstrap(solution, np.random.default_rng(seed), wider=wider) * np.outer(scale, scale)
-        for wider in (1.0, WIDER)
-    )
-    left_out = np.array([LEFT_OUT.get(name, 0.0) for name in Unknown])
+    repeated = rows.jackknife(*linear, lambda trace: trace.cluster, screw_sd_mm=0.0)
+    few = len({id(trace.plan) for trace in forward.traces}) < FEWEST_SWEEPS
+    covariance = rows.jackknife(*linear, lambda trace: trace.cluster if few else id(trace.plan))
+    settled = bool((left**2 < np.diag(covariance)).all())
+    covariance += np.outer(left, left)
     bench = nominal.moved(sd * u)
     return Identified(
         bench,
         nominal,
         sd,
-        covariance + np.diag(np.pad(left_out, (0, scan.n_whiskers)) ** 2),
-        repeated,
+        covariance * np.outer(scale, scale),
+        repeated * np.outer(scale, scale),
         tuple(sorted({trace.whisker for trace in forward.traces})),
         forward.traces,
         tuple(forward.moments(bench)),
         scatter,
-        solution.status > 0,
+        settled,
         whisker if isinstance(whisker, LShaped) else None,
     )
 
@@ -245,7 +249,7 @@ class _Rows:
         stage: Stage,
         scatter_n_mm: float,
     ) -> None:
-        self._forward, self._nominal, self._sd, self._cautious = forward, nominal, sd, stage.cautious
+        self._forward, self._nominal, self._sd, self._smooth = forward, nominal, sd, stage.smooth
         # stiffness and gains are factors of the moment; the others are varied, the radius last, for it changes the map
         fitted = set(only) & set(stage.numbers)
         varied = [i for i, name in enumerate(Unknown) if name in fitted and name is not Unknown.STIFFNESS]
@@ -274,45 +278,52 @@ class _Rows:
             sides[i] = self._moments(u + step), self._moments(u - step)
         rows = []
         for k, (trace, whiten) in enumerate(zip(self._forward.traces, self._whiten, strict=True)):
-            slopes, bends = np.zeros((2, moments[k].size, n))
+            slopes = np.zeros((moments[k].size, n))
             for i, (above, below) in sides.items():
                 # a sample of a tip that jams on either side says nothing of the slope
                 high, low = mask_jams(above[k], share=0.98), mask_jams(below[k], share=0.98)
-                slopes[:, i] = np.nan_to_num(high - low) / (2.0 * self._steps[i])
-                bends[:, i] = np.nan_to_num(high + low - 2.0 * moments[k]) / (2.0 * self._steps[i])
+                slope, bend = np.nan_to_num([high - low, high + low - 2.0 * moments[k]]) / (
+                    2.0 * self._steps[i]
+                )
+                smooth = np.abs(bend) < MOST_BEND * np.abs(slope) if self._smooth else 1.0
+                slopes[:, i] = smooth * slope
             for i in (*self._stiffness, len(Unknown) + trace.whisker):
                 slopes[:, i] = moments[k] * self._sd[i]
-            rows.append(whiten(np.concatenate([slopes, bends], axis=1)))
-        slopes, bends = np.hsplit(np.concatenate(rows), 2)
-        if self._cautious:
-            # of three independent errors a slope has a third of the variance that the bend has
-            power = np.maximum((slopes**2).sum(axis=0), np.finfo(np.float64).tiny)
-            slopes *= np.maximum(0.0, 1.0 - (bends**2).sum(axis=0) / 3.0 / power)
-        return np.concatenate([-slopes, np.eye(n)])
+            rows.append(whiten(slopes))
+        return np.concatenate([-np.concatenate(rows), np.eye(n)])
 
-    def bootstrap(
-        self, solution: OptimizeResult, rng: np.random.Generator, *, wider: float, draws: int = 400
+    def scaled(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Jacobian J and residuals r, scaled by the loss: J^T J is its Hessian, J^T r its gradient."""
+        residuals = self(u)
+        z = (residuals / BEND) ** 2
+        return self.jacobian(u) * (1.0 + z[:, None]) ** -0.75, residuals * (1.0 + z) ** 0.25
+
+    def jackknife(
+        self,
+        jacobian: NDArray[np.float64],
+        residuals: NDArray[np.float64],
+        group_of: Callable[[Trace], Hashable],
+        *,
+        screw_sd_mm: float = SCREW_SD_MM,
     ) -> NDArray[np.float64]:
-        # scipy scales its Jacobian by (1 + z)^(-3/4), so that J^T J is the Hessian of the loss; residuals to match
-        n, z = solution.x.size, (solution.fun / BEND) ** 2
-        residual = solution.fun * (1.0 + z) ** 0.25
-        passes: dict[int, list[NDArray[np.float64]]] = {}
-        start = 0
+        """(n, n) covariance of u from what `scaled` returns: of priors, groups of traces, and the stage's screws."""
+        n, start = jacobian.shape[1], 0
+        groups: dict[Hashable, NDArray[np.float64]] = defaultdict(lambda: np.zeros((n, n + 1)))
+        screws: dict[Hashable, NDArray[np.float64]] = defaultdict(lambda: np.zeros(n))
         for trace in self._forward.traces:
             rows = slice(start, start + trace.measured_n_mm.size // PIXEL)
-            start = rows.stop
-            j = solution.jac[rows]
-            normal = np.column_stack([j.T @ j, j.T @ residual[rows]])
-            passes.setdefault(trace.cluster, []).append(normal)
-        normals = np.stack([np.sum(of_pass, axis=0) for of_pass in passes.values()])
-        offsets = []
-        for _ in range(draws):
-            drawn = np.tensordot(rng.exponential(size=len(normals)), normals, axes=1)
-            scatter = wider * (drawn[:, n] - normals[:, :, n].sum(axis=0))
-            offsets.append(np.linalg.solve(drawn[:, :n] + np.eye(n), rng.standard_normal(n) - scatter))
-        covariance = np.cov(offsets, rowvar=False)
-        # numbers that are not fitted keep their prior, without chance correlations
-        fixed = ~solution.jac[:-n].any(axis=0)
-        covariance[fixed], covariance[:, fixed] = 0.0, 0.0
-        covariance[fixed, fixed] = 1.0
-        return np.asarray(covariance)
+            j, start = jacobian[rows], rows.stop
+            groups[group_of(trace)] += j.T @ np.column_stack([j, residuals[rows]])
+            turns = trace.plan.position_mm()[: len(j) * PIXEL : PIXEL] // SCREW_MM
+            for k, name in enumerate((Unknown.SHIFT_X, Unknown.SHIFT_Y)):
+                i = list(Unknown).index(name)
+                along = trace.plan.direction.along_x == (name is Unknown.SHIFT_X)
+                for turn in np.unique(turns) if along else [trace.line_mm // SCREW_MM]:
+                    same = j[turns == turn] if along else j
+                    screws[k, along, turn] += same.T @ same[:, i] / self._sd[i]
+        hessian = jacobian.T @ jacobian
+        offsets = [np.linalg.solve(hessian - each[:, :n], each[:, n]) for each in groups.values()]
+        moved = screw_sd_mm * np.array([*screws.values()])
+        prior = np.linalg.inv(hessian)
+        scatter = (len(offsets) - 1) * np.cov(offsets, rowvar=False, bias=True)
+        return np.asarray(scatter + prior @ (np.eye(n) + moved.T @ moved) @ prior)
