@@ -47,6 +47,8 @@ from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
+Floats = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -101,18 +103,18 @@ class Identified(OneLine):
 
     bench: Bench
     nominal: Bench
-    before: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    repeated: NDArray[np.float64]
+    before: Floats
+    covariance: Floats
+    repeated: Floats
     whiskers: tuple[int, ...]
     traces: tuple[Trace, ...]
-    predicted: tuple[NDArray[np.float64], ...]
+    predicted: tuple[Floats, ...]
     scatter_n_mm: float
     settled: bool
     drawn: LShaped | None = None
 
     @property
-    def sd(self) -> NDArray[np.float64]:
+    def sd(self) -> Floats:
         """(n,) standard deviations of the numbers."""
         return np.sqrt(np.diag(self.covariance))
 
@@ -197,9 +199,9 @@ def identify(
     # derivative of each number by its u: some numbers move in proportion (`Bench.moved`)
     above, below = (nominal.moved(sd * (u + off)).vector() for off in (1e-4, -1e-4))
     scale = (above - below) / 2e-4
-    repeated = rows.jackknife(*linear, lambda trace: trace.cluster, screw_sd_mm=0.0)
+    repeated = rows.jackknife(linear, lambda trace: trace.cluster, 0.0)
     few = len({id(trace.plan) for trace in forward.traces}) < FEWEST_SWEEPS
-    covariance = rows.jackknife(*linear, lambda trace: trace.cluster if few else id(trace.plan))
+    covariance = rows.jackknife(linear, lambda trace: trace.cluster if few else id(trace.plan), SCREW_SD_MM)
     settled = bool((left**2 < np.diag(covariance)).all())
     covariance += np.outer(left, left)
     bench = nominal.moved(sd * u)
@@ -228,12 +230,12 @@ class Whitener:
         self._axes, size, _ = np.linalg.svd(drift, full_matrices=False)
         self._removed = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
-    def _pixels(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pixels(self, values: Floats) -> Floats:
         n = len(values) // PIXEL
         weighted = (self._weight[:, None] * values)[: n * PIXEL]
         return np.asarray(weighted.reshape(n, PIXEL, -1).sum(axis=1) / np.sqrt(PIXEL))
 
-    def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, values: Floats) -> Floats:
         """(samples, n) values, N mm, to (samples / PIXEL, n)."""
         pixels = self._pixels(values)
         return np.asarray(pixels - self._axes @ (self._removed[:, None] * (self._axes.T @ pixels)))
@@ -244,10 +246,10 @@ class _Rows:
         self,
         forward: Forward,
         nominal: Bench,
-        sd: NDArray[np.float64],
+        sd: Floats,
         only: tuple[Unknown, ...],
         stage: Stage,
-        scatter_n_mm: float,
+        scatter: float,
     ) -> None:
         self._forward, self._nominal, self._sd, self._smooth = forward, nominal, sd, stage.smooth
         # stiffness and gains are factors of the moment; the others are varied, the radius last, for it changes the map
@@ -257,20 +259,20 @@ class _Rows:
         steps = dict.fromkeys(Unknown, STEP) | dict.fromkeys(DRAWN[:3], LENGTH_STEP)
         self._steps = list((steps | dict.fromkeys((*POSITIONS, Unknown.FRICTION), stage.step)).values())
         self._stiffness = [list(Unknown).index(name) for name in fitted if name is Unknown.STIFFNESS]
-        self._whiten = [Whitener(trace, scatter_n_mm, stage.place_mm) for trace in forward.traces]
+        self._whiten = [Whitener(trace, scatter, stage.place_mm) for trace in forward.traces]
         self._measured = [np.nan_to_num(trace.measured_n_mm) for trace in forward.traces]
 
-    def _moments(self, u: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def _moments(self, u: Floats) -> list[Floats]:
         return self._forward.moments(self._nominal.moved(self._sd * u))
 
-    def __call__(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, u: Floats) -> Floats:
         residuals = [
             whiten((measured - moment)[:, None])[:, 0]
             for whiten, measured, moment in zip(self._whiten, self._measured, self._moments(u), strict=True)
         ]
         return np.concatenate([*residuals, u])
 
-    def jacobian(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def jacobian(self, u: Floats) -> Floats:
         moments, n = self._moments(u), u.size
         sides = {}
         for i in self._varied:
@@ -292,24 +294,20 @@ class _Rows:
             rows.append(whiten(slopes))
         return np.concatenate([-np.concatenate(rows), np.eye(n)])
 
-    def scaled(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def scaled(self, u: Floats) -> tuple[Floats, Floats]:
         """Jacobian J and residuals r, scaled by the loss: J^T J is its Hessian, J^T r its gradient."""
         residuals = self(u)
         z = (residuals / BEND) ** 2
         return self.jacobian(u) * (1.0 + z[:, None]) ** -0.75, residuals * (1.0 + z) ** 0.25
 
     def jackknife(
-        self,
-        jacobian: NDArray[np.float64],
-        residuals: NDArray[np.float64],
-        group_of: Callable[[Trace], Hashable],
-        *,
-        screw_sd_mm: float = SCREW_SD_MM,
-    ) -> NDArray[np.float64]:
+        self, linear: tuple[Floats, Floats], group_of: Callable[[Trace], Hashable], screw_sd_mm: float
+    ) -> Floats:
         """(n, n) covariance of u from what `scaled` returns: of priors, groups of traces, and the stage's screws."""
-        n, start = jacobian.shape[1], 0
-        groups: dict[Hashable, NDArray[np.float64]] = defaultdict(lambda: np.zeros((n, n + 1)))
-        screws: dict[Hashable, NDArray[np.float64]] = defaultdict(lambda: np.zeros(n))
+        (jacobian, residuals), start = linear, 0
+        n = jacobian.shape[1]
+        groups: dict[Hashable, Floats] = defaultdict(lambda: np.zeros((n, n + 1)))
+        screws: dict[Hashable, Floats] = defaultdict(lambda: np.zeros(n))
         for trace in self._forward.traces:
             rows = slice(start, start + trace.measured_n_mm.size // PIXEL)
             j, start = jacobian[rows], rows.stop
