@@ -29,8 +29,9 @@ STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
 class MatchingLimits:
     """Resolution and range of a search by templates."""
 
-    coarse_pixels: int = 16
-    fine_pixels: int = 32
+    sketch_pixels: int = 8  # for each character height, to compare sizes and rows
+    coarse_pixels: int = 16  # to find lines
+    fine_pixels: int = 32  # to read them
     smallest: float = 0.13  # and largest character height, shares of the view's smaller side
     largest: float = 0.95
     size_step: float = 1.1

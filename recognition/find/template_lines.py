@@ -1,14 +1,14 @@
 """Line search by template matching: a font's templates find and read lines, without any network.
 
-view --at several sizes--> responses of all templates --rows that a chain explains well--> candidates
-candidate --at full resolution--> chain, its rows, its spacing --every template in every cell--> Steps --> ReadLine
+view --every size, coarsely--> responses of all templates --rows and sizes that they explain most--> best rows
+best row --finer--> chain, its spacing --> candidate --finest, every template in every cell--> Steps --> ReadLine
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +31,18 @@ from recognition.glyph_match.correlation import (
     responses,
     steps_of,
 )
-from recognition.glyph_match.predicted import template_key
+from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, template_key
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.recogniser.steps import Steps
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.whisker.touch import Touch, default_touch
 
 
+@dataclass(frozen=True, eq=False)
 class TemplateSearch(Search):
     """Search that uses only the templates of fonts; a look compares a line with those of one font and style."""
+
+    _ranked: dict[tuple[int, str, MarkStyle], list[_Size]] = field(repr=False, default_factory=dict)
 
     @property
     def _fonts(self) -> TemplateFonts:
@@ -56,7 +59,7 @@ class TemplateSearch(Search):
 
     def heights_mm(self) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
-        return self._sizes_mm(self._fonts.fonts[0], STYLES[0])
+        return [size.height_mm for size in self._sizes(self._fonts.fonts[0], STYLES[0])]
 
     def candidates(self) -> list[TextLine]:
         """Propose lines, most promising first, without reading them."""
@@ -80,7 +83,7 @@ class TemplateSearch(Search):
     ) -> list[ReadLine]:
         """Read each line in each style; the most promising comes first."""
         lines = list(lines)
-        return self._until_sure((style, lines) for style in STYLES)
+        return self._until_sure((style, lines) for style in self._likely_styles())
 
     def _until_sure(self, tries: Iterable[tuple[MarkStyle, Sequence[TextLine]]]) -> list[ReadLine]:
         lines: list[ReadLine] = []
@@ -97,6 +100,9 @@ class TemplateSearch(Search):
     def _glyphs(
         self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int, touch: Touch | None = None
     ) -> GlyphImages:
+        # at few pixels all heights share the templates of the canonical one
+        if pixels <= self._fonts.matching.sketch_pixels:
+            height_mm, touch = CANONICAL_HEIGHT_MM, None
         touch = touch if touch is not None else default_touch(height_mm)
         key = template_key(font, touch, height_mm=height_mm, face=style.face, raised=style.raised)
         templates = self._fonts.predict(font, self.request.chars_of(font), key)
@@ -106,8 +112,9 @@ class TemplateSearch(Search):
         placed = [
             placed
             for font in self._fonts.in_style(style)
-            for height_mm in self._sizes_mm(font, style)[sizes]
-            for placed in self._rows(font, style, height_mm, pixels=self._fonts.matching.coarse_pixels)
+            for size in self._sizes(font, style)[sizes]
+            if style in self._likely_styles()
+            for placed in self._rows(size, font, style)
             if placed.placed
         ]
         lines: list[TextLine] = []
@@ -118,23 +125,55 @@ class TemplateSearch(Search):
                 lines.append(line)
         return lines[: self._fonts.matching.most_lines]
 
-    def _sizes_mm(self, font: Font, style: MarkStyle, *, sketch_pixels: int = 12) -> list[float]:
+    def _sizes(self, font: Font, style: MarkStyle) -> list[_Size]:
+        """Character heights, first the one whose templates explain most along any row of the view."""
+        key = id(self.view), font.name, style
+        if key not in self._ranked:
+            sizes = [self._sketch(height_mm, font, style) for height_mm in self._ladder_mm()]
+            self._ranked[key] = sorted(sizes, key=lambda size: -size.explained_mm)
+        return self._ranked[key]
+
+    def _likely_styles(self, *, least_share: float = 0.8) -> list[MarkStyle]:
+        """Styles that explain about as much of the part as the best one, as far as they were compared."""
+        explained = {style: 0.0 for _, _, style in self._ranked} or dict.fromkeys(STYLES, 1.0)
+        for (_, _, style), sizes in self._ranked.items():
+            explained[style] = max(explained[style], *(size.explained_mm for size in sizes))
+        least = least_share * max(explained.values())
+        return [style for style in STYLES if explained.get(style, -1.0) >= least]
+
+    def _ladder_mm(self) -> list[float]:
         if self.request.height_mm is not None:
             return [self.request.height_mm]
         matching = self._fonts.matching
         count = math.ceil(math.log(matching.largest / matching.smallest) / math.log(matching.size_step)) + 1
-        sizes = [matching.largest * min(self.view.size_mm) / matching.size_step**k for k in range(count)]
+        return [matching.largest * min(self.view.size_mm) / matching.size_step**k for k in range(count)]
 
-        def explained_mm(height_mm: float) -> float:
-            rows = self.under(None)._rows(font, style, height_mm, pixels=sketch_pixels)
-            return height_mm * max((row.total for row in rows), default=0.0)
-
-        return sorted(sizes, key=explained_mm, reverse=True)
-
-    def _rows(self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int) -> list[_PlacedLine]:
+    def _sketch(
+        self, height_mm: float, font: Font, style: MarkStyle, *, most_rows: int = 3, chance: float = 0.45
+    ) -> _Size:
+        """Compare the whole view with coarse templates of one height; keep the rows that they explain most."""
+        lines = anywhere(self.view, height_mm=height_mm, blind_step=0.5, most_blind=100)
+        if not lines:
+            return _Size(height_mm, 0.0, ())
+        pixels = self._fonts.matching.sketch_pixels
         glyphs = self._glyphs(font, style, height_mm, pixels=pixels)
-        rows = anywhere(self.view, height_mm=height_mm, blind_step=0.5, most_blind=100)
-        return [self._place(row, font, glyphs) for row in rows]
+        middle = lines[len(lines) // 2]
+        rows = HEIGHT_ROWS * (1.0 + 2.0 * abs(lines[0].centre_mm[0, 1] - middle.centre_mm[0, 1]) / height_mm)
+        image = image_of(self.view, middle, rows=rows + HEIGHT_ROWS, margin=0.0, pixels=pixels)
+        response = responses(image, glyphs, rows=slice(0, len(image)))
+        best = []
+        for line in lines:
+            off = (line.centre_mm[0, 1] - middle.centre_mm[0, 1]) / height_mm
+            row, slack = round((len(image) - 1) / 2 + off * pixels), round(0.3 * pixels)
+            band = response[:, max(row - slack, 0) : row + slack + 1].max(axis=1)
+            best.append((float(np.clip(band.max(axis=0) - chance, 0.0, None).sum()), line, band))
+        best.sort(key=lambda row: -row[0])
+        explained = max(chain_of(band, glyphs, font, None)[0] for _, _, band in best[:most_rows])
+        return _Size(height_mm, height_mm * explained, tuple(line for _, line, _ in best[:most_rows]))
+
+    def _rows(self, size: _Size, font: Font, style: MarkStyle) -> list[_PlacedLine]:
+        glyphs = self._glyphs(font, style, size.height_mm, pixels=self._fonts.matching.coarse_pixels)
+        return [self._place(row, font, glyphs) for row in size.rows]
 
     def _looks(self, lines: Iterable[TextLine], style: MarkStyle) -> list[ReadLine]:
         return [
@@ -184,6 +223,15 @@ class TemplateSearch(Search):
         placed = beside(best, glyphs, font, chain)
         at_rows = [first + int(response[p.template, :, p.column].argmax()) for p in placed]
         return _PlacedLine(line, image, total, placed, at_rows, glyphs, beyond)
+
+
+@dataclass(frozen=True)
+class _Size:
+    """A height of characters, the most that coarse templates explain along a row, and the best rows."""
+
+    height_mm: float
+    explained_mm: float
+    rows: tuple[TextLine, ...]
 
 
 @dataclass(frozen=True, eq=False)

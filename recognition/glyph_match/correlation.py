@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
 
@@ -44,12 +44,6 @@ class GlyphImages:
     images: tuple[Image, ...]
     half_cols: NDArray[np.int64]
     pixels: int
-
-    def every(self, step: int) -> GlyphImages:
-        """Every n-th template."""
-        return replace(
-            self, chars=self.chars[::step], images=self.images[::step], half_cols=self.half_cols[::step]
-        )
 
 
 def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: int) -> Image:
