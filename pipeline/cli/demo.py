@@ -64,7 +64,7 @@ def demo(
 
 
 def _read(out: Path, settings: ReadSettings) -> int:
-    """The reader knows neither font nor height, only that a serial has eight letters or digits."""
+    """The reader knows neither font nor height, only which characters of a serial are letters."""
     from glyphs.part import stamp
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
@@ -76,10 +76,11 @@ def _read(out: Path, settings: ReadSettings) -> int:
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 
-    print("Stamping plates, scanning them with simulated whiskers, and reading them; the reader")
-    print("knows neither font nor size. The first run on a machine takes longer: it compiles.\n")
+    print("Stamping plates, scanning them with simulated whiskers, and reading them. The")
+    print("reader knows where letters and digits stand, but neither font nor size. The")
+    print("first run on a machine takes longer: it compiles.\n")
     print(f"{'part':<13} {'stamped':<9} {'read':<9} {'':<6} {'decision':<9} confidence  font", flush=True)
-    reader, parts = Reader(format="********", orientation=Orientation.UPRIGHT), []
+    parts = []
     for number, (name, stamping) in enumerate(PLATES.items()):
         plate = stamp(**stamping, seed=(_SEED, number))
         write_npz(out / f"{name}.npz", plate.height_map)
@@ -88,7 +89,8 @@ def _read(out: Path, settings: ReadSettings) -> int:
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
         save_calibration(recording, calibrate_scan(scan).calibration)
-        reading = reader.read(load_scan(recording))
+        format = "".join("A" if char.isalpha() else "9" for char in stamping["text"])
+        reading = Reader(format=format, orientation=Orientation.UPRIGHT).read(load_scan(recording))
         part = SheetPart(name, stamping["text"], reading, level(plate.height_map))
         parts.append(part)
         print(
