@@ -95,7 +95,7 @@ def _if_of(kind: type[T], value: object) -> T | None:
 
 
 def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
-    """Whether an unreadable line is dirt or land: of its strokes, `least_felt` was felt in the mean."""
+    """Whether an unreadable line is dirt or land: less than `least_felt` of its strokes was felt, in the mean."""
     unread = [
         place.state is not None and place.state.state is CharacterState.NOT_READ
         for place in choice.characters
@@ -189,8 +189,7 @@ def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) ->
         felt: posteriors of touch.
         felt_odds: log odds of the text of touch.
     """
-    lead = 0.0 if text == felt_text else lead_nats(felt, felt_text, text)
-    return log_odds(share(felt_odds) * math.exp(-lead))
+    return log_odds(share(felt_odds) * math.exp(-lead_nats(felt, felt_text, text)))
 
 
 class Measures(Mapping[Measure, float]):

@@ -1,7 +1,9 @@
 """The score: the probability that the whole serial is right, from one to four measures of a reading.
 
     log odds of the text ------weight--+
-    format, characters with twins weight+--sum--> log odds --> probability --+
+    the same by touch alone ---weight--+
+    whether a format is given -weight--+--sum--> log odds --> probability --+
+    characters with a twin ----weight--+                                    |
                                                                             +--lesser--> score, 0 to 1
     probability of the least sure place ------------------------------------+
 

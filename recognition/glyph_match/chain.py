@@ -115,7 +115,7 @@ def best_chain(
     spacing: Spacing | None = None,
     most_characters: int = 64,
 ) -> tuple[float, tuple[Placed, ...]]:
-    """Find the chain with the greatest reward: that and the characters, left to right; (0, ()) if there is none."""
+    """Return the greatest reward of a chain and its characters, left to right; (0, ()) if there is no chain."""
     free = allowed is None
     table = np.ones((most_characters, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
     cols = reward.shape[1]

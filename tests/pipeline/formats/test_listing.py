@@ -298,3 +298,14 @@ def test_numbered_photographs_are_of_one_part(tmp_path: Path) -> None:
     assert len(beside.photos) == 2
     (two,) = discover([tmp_path / name for name in b])
     assert (two.name, two.photos, two.photo_problem) == ("b", tuple(str(tmp_path / n) for n in b), None)
+
+
+def test_folders_that_are_not_searched_are_named(tree: Path) -> None:
+    top = discover([tree / "lot"], recurse=False)
+    assert [part.name for part in top] == ["0001"]
+    assert top.passed_over.folders.keys() == {
+        str(tree / "lot" / name) for name in (".trash", "2026-11-28", "2026-11-29", "latest")
+    }
+    assert top.passed_over.counts["folder"] == 4
+    with pytest.raises(NothingFoundError, match=r"passed over 1 folder: 2026-11-28 \(--no-recurse\)"):
+        discover([tree / "other"], recurse=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -211,3 +212,14 @@ def test_the_time_for_a_table_is_limited(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(FileError, match=r"order\.xlsx: takes more than 0 s to decode"):
         read_order(path)
     assert time.process_time() - start < 10.0
+
+
+def test_the_accepted_that_are_wrong_are_named() -> None:
+    truth = {f"p{k}": "A1" for k in range(30)}
+    rows = [replace(row(f"p{k}", "A7"), decision="accept") for k in range(30)]
+    _, wrong, accepted = score([*rows[:25], *(replace(r, text="A1") for r in rows[25:])], truth).lines()
+    assert wrong.startswith("wrong: p0 (A1 read as A7), p1 (A1 read as A7)")
+    assert wrong.endswith("p19 (A1 read as A7) and 5 more")
+    assert accepted.startswith("accepted and wrong: 25 of 30: p0, p1, ")
+    (_, none) = score([replace(row("p0", "A1"), decision="accept")], truth).lines()
+    assert none == "accepted and wrong: 0 of 1"

@@ -6,9 +6,10 @@ import pickle
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.common.line_decision import LineDecision, decision_of
-from pipeline.common.records import PartRecord, PartState
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
@@ -25,6 +27,8 @@ from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage
 from pipeline.service.stage.work import CameraWork, StageWork, TouchCall
+from pipeline.service.touch_queue import STOPPED
+from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S
 from tests.support.scans import feel_plan
 from tests.support.service_fixtures import Served, inline_service, triggered
@@ -330,3 +334,66 @@ def test_a_part_is_not_felt_after_the_time_of_its_trigger(tmp_path: Path, nest: 
         assert part.state is PartState.REVIEW
         assert "the time of its trigger is over" in part.not_felt
         assert nest.felt == []
+
+
+def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_unasked(
+    tmp_path: Path, nest: type[Nest]
+) -> None:
+    nest.air = False
+    stage = {"device": "pipeline.formats.synth:nest"}
+    with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
+        part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
+        assert (part["state"], part["text"]) == ("review", "KX4O7251")
+        assert part["not_felt"] == (
+            "the stage has not felt it: the air pressure is low; check the compressor"
+        )
+        nest.air = True  # by now another part lies there
+        looks(served)
+        assert nest.felt == []
+        page = served[1].get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
+        assert "the air pressure is low" in page
+        assert f'action="../parts/{part["id"]}/touch"' in page
+        # a person has put it back, and says so
+        assert served[1].post(f"/parts/{part['id']}/touch", follow_redirects=True).status_code == 200
+        released = served[1].get(f"/v1/parts/{part['id']}").json()
+        assert (released["state"], released["text"], released["not_felt"]) == ("accepted", "KX407251", "")
+        assert nest.felt == ["P17"]
+        assert served[1].post(f"/v1/parts/{part['id']}/touch").status_code == 409
+
+
+def test_a_part_that_a_kill_has_left_to_the_stage_goes_to_a_person_at_the_next_start(
+    tmp_path: Path, nest: type[Nest]
+) -> None:
+    stage = {"device": "pipeline.formats.synth:nest"}
+    settings: dict[str, Any] = {"instead": read_unsurely, "stage": stage}
+    with inline_service(tmp_path / "s", **settings) as served:
+        store = served[0].store
+        until = datetime.now(UTC) + timedelta(seconds=900.0)
+        unsure = (reading("KX4O7251", source="vision", decision="review"),)
+        waits = {"state": PartState.TOUCH_NEEDED, "readings": unsure, "plan": STAGE_PLAN}
+        left, asked = new_part_id(), new_part_id()
+        store.add_part(part_id=left, name="P17", touch=TouchWait(True, until), **waits)
+        store.add_part(part_id=asked, name="P18", touch=TouchWait(False, until), **waits)
+    with inline_service(tmp_path / "s", **settings) as served:
+        looks(served)
+        part = served[0].store.part(left)
+        assert (part.state, part.not_felt) == (PartState.REVIEW, STOPPED)
+        assert served[0].store.part(asked).state is PartState.TOUCH_NEEDED
+        assert nest.felt == []
+
+
+def test_a_name_has_one_form_and_hidden_characters_are_refused(tmp_path: Path) -> None:
+    part = ReadPart((reading("KX40", "tactile"),))
+    with inline_service(tmp_path, instead=lambda *_: part) as served:
+
+        def sent(**fields: str) -> Any:
+            return served[1].post("/v1/parts", files={"scan": ("a.npz", b"x")}, data=fields)
+
+        assert sent(name=" Gehause\u0308  7").json()["name"] == "Gehausë 7"
+        assert served[1].get("/v1/parts", params={"name": "GEHAUSË"}).json()[0]["name"] == "Gehausë 7"
+        for fields in ({"name": "a\u202eb"}, {"name": "a\U000e0041"}, {"expected": "K1\u3164"}):
+            answer = sent(**fields)
+            assert (answer.status_code, answer.headers["content-type"]) == (422, "application/problem+json")
+        with pytest.raises(Problem) as caught:
+            triggered(served, "a\u200bb")
+        assert caught.value.status == 422

@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
+import socket
+import struct
 import subprocess
 import sys
 from collections.abc import AsyncIterator
@@ -13,6 +16,7 @@ from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
+from unittest.mock import Mock
 
 import pytest
 from asyncua import Client, ua
@@ -27,6 +31,7 @@ from pipeline.service.stage.work import CameraPictures
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import NotFoundError
+from tests.support.line_broker import hello, message
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import PLAN
@@ -421,3 +426,78 @@ async def test_a_result_of_odd_values_can_be_sent(shared: Shared) -> None:
         far = replace(reading("A").characters[0], box_mm=(-1e9, 0.0, 1e9, 5.0))
         assert ocr_scan_result(part(reading=reading(characters=(far,)))).Position.SizeX == 2**31 - 1
         assert ocr_scan_result(part(reading=None)).Quality == 0
+
+
+async def test_who_does_not_read_the_answers_is_let_go(
+    shared: Shared, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("pipeline.service.inputs.opcua_server.WRITE_S", 0.1)
+    transport = Mock()
+    transport.get_extra_info.return_value = ("127.0.0.9", 1)
+    connection = shared.port._server.bserver._make_protocol()
+    connection.connection_made(transport)
+    connection.pause_writing()
+    transport.pause_reading.assert_called_once_with()  # or the answers would fill the memory
+    connection.resume_writing()
+    transport.resume_reading.assert_called_once_with()
+    await asyncio.sleep(0.2)
+    transport.abort.assert_not_called()
+    connection.pause_writing()
+    await until(lambda: transport.abort.called)
+    connection.connection_lost(None)
+    assert "it does not read its answers" in caplog.text
+
+
+async def test_idle_sessions_of_one_address_keep_no_controller_out() -> None:
+    calls: Any = SimpleNamespace(trigger=read_at_once, release=read_at_once, look_up=read_at_once)
+    port = OpcUaPort(OpcUaSettings(), calls, connections=2)
+    await port.start()
+    url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+    idle = [Client(url, timeout=LONG_S) for _ in range(2)]
+    for client in idle:
+        await client.connect()
+    async with asking(url) as (_, device):
+        assert (await device.call_method("4:TriggerPart", "P1"))[1] == "KX407251"
+    for client in idle:
+        with contextlib.suppress(Exception):
+            await asyncio.wait_for(client.disconnect(), LONG_S)
+    await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
+
+
+async def test_a_channel_without_a_session_is_closed_after_a_few_bad_requests(
+    shared: Shared, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        await asyncio.to_thread(send_bad_requests, shared.port.port)
+    said = [record.getMessage() for record in caplog.records]
+    assert sum("Error while processing message" in line for line in said) <= 3
+    assert sum(map(len, said)) < 60_000
+    assert "a connection from 127.0.0.1 was closed: it sends" in caplog.text
+
+
+def send_bad_requests(port: int) -> None:
+    """On a channel without a session, until the server closes it."""
+    with socket.create_connection(("127.0.0.1", port), timeout=LONG_S) as caller:
+        caller.sendall(hello(f"opc.tcp://127.0.0.1:{port}/tactile-marks"))
+        caller.recv(100)
+        caller.sendall(open_channel())
+        channel = struct.unpack_from("<I", caller.recv(500), 8)[0]
+        with contextlib.suppress(OSError):
+            for k in range(2, 2000):
+                caller.sendall(bad_request(channel, k))
+            while caller.recv(65536):
+                pass
+
+
+def open_channel() -> bytes:
+    policy = b"http://opcfoundation.org/UA/SecurityPolicy#None"
+    head = struct.pack("<I", 0) + struct.pack("<I", len(policy)) + policy + struct.pack("<ii", -1, -1)
+    request = b"\x01\x00\xbe\x01\0\0" + struct.pack("<qIIi", 0, 1, 0, -1) + struct.pack("<I", 0) + b"\0\0\0"
+    asked = struct.pack("<III", 0, 0, 1) + struct.pack("<i", -1) + struct.pack("<I", 60000)
+    return message(b"OPNF", head + struct.pack("<II", 1, 1) + request + asked)
+
+
+def bad_request(channel: int, number: int) -> bytes:
+    head = struct.pack("<IIII", channel, 1, number, number) + b"\x01\x00\xcd\x01\0\0"
+    request = struct.pack("<qIIi", 0, number, 0, -1) + struct.pack("<I", 0) + b"\0\0\0" + b"\xff" * 8
+    return message(b"MSGF", head + request)

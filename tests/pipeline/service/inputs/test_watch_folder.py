@@ -530,3 +530,20 @@ def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
     ((why,),) = bench.left().values()
     assert "12 of a part" in why
     assert "12 of a part" in bench.why_unread("a")
+
+
+def test_subfolders_that_are_not_watched_are_named(tmp_path: Path, served: Served) -> None:
+    bench = Bench(tmp_path, served, recurse=False)
+    bench.put("a.png")
+    bench.put("day/b.png")
+    with structlog.testing.capture_logs() as logs:
+        assert bench.look(3) == ["a"]
+    assert [(log["name"], log["why"]) for log in logs if "passed over" in log["event"]] == [
+        ("day", "is a folder, and watch.recurse is off")
+    ]
+
+
+def test_hidden_characters_of_a_file_s_name_are_replaced_and_letters_composed(bench: Bench) -> None:
+    for name in ("tray-7\u202e3-trap.png", "a\u200bb.png", "Gehause\u0308.png"):
+        bench.put(name)
+    assert sorted(bench.look()) == ["Gehausë", "a_b", "tray-7_3-trap"]

@@ -431,3 +431,15 @@ def test_a_job_is_taught_by_a_box_and_a_text(service: Service, sit_down: Sit) ->
     settings = service.jobs.settings("housing-left")
     assert settings.format == ("AA-99",)
     assert np.allclose(settings.region, [0.25, 0.25, 0.75, 0.75], atol=0.006)
+
+
+def test_on_a_phone_the_charts_begin_at_the_newest_hour(service: Service, sit_down: Sit) -> None:
+    service.put("KX407251")
+    page = sit_down("/dashboard", width=390, height=800)
+    left, right, axis = page.evaluate(
+        "['.plot', '.axis text'].map((s) => document.querySelector(s).getBoundingClientRect())"
+        ".flatMap((box, k) => k ? [box.left] : [box.left, box.right])"
+    )
+    assert left < 0.0
+    assert 300.0 < right <= 390.0
+    assert axis >= 0.0  # the numbers at the axis stay in sight

@@ -380,3 +380,43 @@ def felt(direction_deg: int, line_mm: tuple[float, ...], stage_s: float, **more:
 def test_signing_in_leads_nowhere_else(to: str) -> None:
     assert own_address(to) == "/review"
     assert own_address("/parts?text=a") == "/parts?text=a"
+
+
+def test_agreement_with_the_lines_own_reader(empty_shop: Shop) -> None:
+    assert "serve --shadow" in empty_shop.client.get("/shadow").text
+    kinds = (
+        (Agreement.SAME, PartState.ACCEPTED, "KX407251"),
+        (Agreement.SAME, PartState.TOUCH_NEEDED, "KX407251"),
+        (Agreement.OTHER, PartState.ACCEPTED, "KX4O<251"),
+        (Agreement.NOTHING, PartState.TOUCH_NEEDED, "KX400000"),
+        (Agreement.ALONE, PartState.ACCEPTED, ""),
+    )
+    ids = []
+    for kind, would_be, expected in kinds:
+        given = reading("" if kind is Agreement.NOTHING else "KX407251")
+        shadow = ShadowRecord(kind, would_be)
+        ids.append(
+            empty_shop.add(state=PartState.SHADOW, readings=(given,), expected=expected, shadow=shadow)
+        )
+    page = empty_shop.client.get("/shadow").text
+    figures = dict(re.findall(r'data-figure="([a-z-]+)">.*?<p class="figure">([\d.–]+)', page))
+    assert figures == {
+        "compared": "4", "agreement": "50.0", "acceptance": "50.0", "accepted-agreement": "50.0",
+        "accepted-other": "1",
+    }  # fmt: skip
+    (day,) = re.findall(r'<tr data-day="([\d-]+)">(.*?)</tr>', page)
+    assert day[0] == datetime.now(UTC).date().isoformat()
+    assert re.findall(r'class="n">([^<]*)', day[1]) == ["5", "4", "2", "1", "1", "2", "1", "50.0"]
+    assert re.findall(r'<a class="row" href="./parts/([^"]+)"', page) == [ids[2]]
+    assert '<mark class="mismatch" title="mismatch">O</mark>' in page
+    assert "&lt;" in page
+    nothing = empty_shop.client.get("/shadow?show=nothing&span=week").text
+    assert re.findall(r'<a class="row" href="./parts/([^"]+)"', nothing) == [ids[3]]
+    assert "another serial; would be" in empty_shop.client.get(f"/parts/{ids[2]}").text
+    # what a person says afterwards says who was right
+    assert empty_shop.say(ids[2], "KX4O<251") == 303
+    page = empty_shop.client.get("/shadow").text
+    assert "the line’s</td>" in page
+    assert '<mark class="mismatch" title="mismatch">O</mark>' in page
+    for address in ("/shadow?span=era", "/shadow?show=all", "/shadow?before=x"):
+        assert empty_shop.client.get(address).status_code == 422
