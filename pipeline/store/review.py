@@ -70,9 +70,9 @@ def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool
     return _claims(tx, parts.c.id == part_id)[part_id]
 
 
-def release_part(tx: Transaction, part_id: str, person: Person) -> None:
-    """Release a part; nothing happens if the person has not claimed it."""
-    mine = sa.and_(parts.c.id == part_id, parts.c.claim_holder == person.holder)
+def release_part(tx: Transaction, part_id: str, person: Person, *, until: datetime) -> None:
+    """Release the claim that lasts until a time; nothing happens if it is another's, or was renewed since."""
+    mine = sa.and_(parts.c.id == part_id, parts.c.claim_holder == person.holder, parts.c.claim_until <= until)
     tx.execute(sa.update(parts).where(mine).values(**_NOT_CLAIMED))
 
 

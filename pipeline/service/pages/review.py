@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Form
-from pydantic import BaseModel
-from starlette.responses import PlainTextResponse, Response
+from pydantic import AwareDatetime, BaseModel
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 
 from glyphs.plain_text import has_hidden
 from pipeline.common.names import printable_name
+from pipeline.common.people_records import ClaimRecord, Person
 from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.service.pages.frame import MOST_WHO, Frame, View
 from pipeline.service.pages.pictures import last_felt, picture_pair, without_reading
@@ -131,14 +132,15 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     def claim(
         part_id: str,
         who: Annotated[str, Form()] = "",
-        release: Annotated[str, Form()] = "",
+        release: Annotated[AwareDatetime | None, Form()] = None,
         view: View = reviews,
     ) -> Response:
-        """Claim a part for the person whose page is open, or release it."""
-        if release:
-            store.release_part(part_id, view.person)
+        """Claim a part for the person whose page is open, or release the claim that lasts until `release`."""
+        if release is not None:
+            store.release_part(part_id, view.person, until=release)
             return PlainTextResponse("")
-        return PlainTextResponse(_claim(view, part_id, printable_name(who)[:MOST_WHO]))
+        claim = _claim(view, part_id, view.named(printable_name(who)[:MOST_WHO]))
+        return JSONResponse({"taken": _taken(claim, view.person), "until": _until(claim)})
 
 
 def _redirect_to(view: View, part: PartRecord | None, after: str) -> Response:
@@ -157,14 +159,18 @@ def _keep(view: View, part: PartRecord, form: ReviewForm) -> PartRecord | None:
     return view.frame.store.next_in_queue(part.id, person=person, audits=audit)
 
 
-def _claim(view: View, part_id: str, name: str | None = None) -> str:
-    person = view.person if name is None else view.named(name)
-    if not person.holder:
-        return ""
-    claim = view.frame.store.claim_part(part_id, person)
-    if claim.holder == person.holder:
+def _claim(view: View, part_id: str, person: Person) -> ClaimRecord | None:
+    return view.frame.store.claim_part(part_id, person) if person.holder else None
+
+
+def _taken(claim: ClaimRecord | None, person: Person) -> str:
+    if claim is None or claim.holder == person.holder:
         return ""
     return f"{claim.who or 'Somebody else'} is at this part now. Look at it if you like; take the next one to review."
+
+
+def _until(claim: ClaimRecord | None) -> str:
+    return "" if claim is None else claim.until.isoformat()
 
 
 def _describe_change(part: PartRecord) -> str:
@@ -202,7 +208,7 @@ def _page(
         part = replace(part, text="", reading=None, review=None, expected="", plan=None)
         readings, pictures = (), (without_reading(pictures[0]), without_reading(pictures[1]))
     places = places_of(part.reading)
-    taken = _claim(view, part.id) if waits and form is None else ""
+    claim = _claim(view, part.id, person) if waits and form is None else None
     form = form or ReviewForm(text=part.text, who=person.name)
     return view.page(
         "review.html.j2",
@@ -221,6 +227,7 @@ def _page(
         signed=bool(person.token),
         most=MOST,
         remark=remark,
-        taken=taken,
+        taken=_taken(claim, person),
+        claimed_until=_until(claim),
         **_outcome(frame, done),
     )

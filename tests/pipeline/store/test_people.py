@@ -61,15 +61,25 @@ def test_a_claim_of_a_clock_that_was_set_back_since_holds_nobody_up(store: Store
 
 def test_a_claim_ends_with_the_review_or_when_it_is_let_go(store: Store) -> None:
     first, second = (received(store, PartState.REVIEW) for _ in range(2))
-    for part in (first, second):
-        store.claim_part(part.id, ADA)
+    until = max(store.claim_part(part.id, ADA).until for part in (first, second))
     said(store, first.id, ADA, "KX1", readers=1)
-    store.release_part(second.id, GRACE)
+    store.release_part(second.id, GRACE, until=until)
     assert set(store.claims()) == {second.id}
-    store.release_part(second.id, ADA)
+    store.release_part(second.id, ADA, until=until)
     assert store.claims() == {}
     with pytest.raises(NotFoundError):
         store.claim_part("0" * 26, ADA)
+
+
+def test_a_page_that_closes_late_does_not_end_the_claim_of_the_page_after_it(
+    store: Store, clock: Clock
+) -> None:
+    part = received(store, PartState.REVIEW)
+    first = store.claim_part(part.id, ADA)
+    clock.go_on(seconds=1.0)
+    store.claim_part(part.id, ADA)
+    store.release_part(part.id, ADA, until=first.until)
+    assert set(store.claims()) == {part.id}
 
 
 def test_people_without_tokens_are_told_apart_by_their_browsers(store: Store) -> None:

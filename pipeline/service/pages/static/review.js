@@ -219,7 +219,11 @@
     if (!form.dataset.claim || document.hidden) return;
     try {
       const answer = await fetch(form.dataset.claim, { method: "POST", body: tell({}) });
-      if (answer.ok && !answer.redirected) words.textContent = await answer.text();
+      if (answer.ok && !answer.redirected) {
+        const claim = await answer.json();
+        words.textContent = claim.taken;
+        form.dataset.until = claim.until;
+      }
     } catch {
       return; // the service is away for a moment
     }
@@ -229,7 +233,9 @@
   document.addEventListener("visibilitychange", hold);
   setInterval(hold, HOLD_MS);
   window.addEventListener("pagehide", () => {
-    if (form.dataset.claim && !sent) navigator.sendBeacon(form.dataset.claim, tell({ release: "1" }));
+    // the claim of this page only: the next page may renew it before this message arrives
+    const release = form.dataset.until;
+    if (release && !sent) navigator.sendBeacon(form.dataset.claim, tell({ release }));
   });
 
   // ---- pointer
