@@ -7,18 +7,18 @@ photograph --area of the regions, codes removed, shrunk--> view --find--> lines
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.decide.decide import decide
+from recognition.decide.decide import score_text
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
 from recognition.find.deadline import Deadline
-from recognition.find.find import apart, find, is_clear_text, search_of
+from recognition.find.find import FoundLines, apart, is_clear_text, read_lines, search_of
 from recognition.find.looks import Looks
 from recognition.find.promise import is_convincing
 from recognition.find.request import LineRequest
@@ -74,49 +74,51 @@ class VisionReader:
             return SenseEvidence("vision", log=log)
         codes = codes_of(shrunk(photo, SIZES[-1]))
         large = photo.shape[0] * photo.shape[1] > LARGE and not request.lines
-        evidence = self._of_part(photo, request, codes) if large else None
-        if evidence is None:
-            evidence = self._of_sizes(chain((smallest,), sizes), request, codes, only_known=large)
+        seen = self._of_part(photo, request, codes) if large else None
+        if seen is None:
+            seen = self._of_sizes(chain((smallest,), sizes), request, codes, only_known=large)
+        evidence = seen.with_layout()
         cropped = evidence.log.photo is None or evidence.log.whole_photo is not None or area is not None
         return evidence.logged(stopped=deadline.stopped, whole_photo=whole if cropped else None)
 
-    def _of_part(self, photo: Photo, request: LineRequest, codes: Sequence[Code]) -> SenseEvidence | None:
+    def _of_part(self, photo: Photo, request: LineRequest, codes: Sequence[Code]) -> _Seen | None:
         looks = Looks(deadline=request.deadline)
         search = search_of(photo_view(without_codes(shrunk(photo, LARGE), codes)), request, looks)
         lines = read_wide(search)
         for line in lines[:2]:
             area = area_about(line.line, photo)
             sizes = shrunk_versions(cut(photo, area))
-            evidence = self._of_sizes(sizes, request.inside(area), codes)
-            part = evidence.lines
-            if part is not None and part.main is not None and is_convincing([part.main], request.limits.sure):
-                others = tuple(other for other in lines if is_clear_text(other) and apart(other, part.main))
+            seen = self._of_sizes(sizes, request.inside(area), codes)
+            main, part = seen.evidence.main, seen.evidence.lines
+            if part is not None and main is not None and is_convincing([main], request.limits.sure):
+                others = tuple(other for other in lines if is_clear_text(other) and apart(other, main))
                 part = replace(part, others=(*part.others, *others), looks=part.looks + looks.count)
-                return replace(evidence.logged(whole_photo=photo), lines=part)
+                evidence = replace(seen.evidence.logged(whole_photo=photo), lines=part)
+                return replace(seen, evidence=evidence)
         return None
 
     def _of_sizes(
         self, sizes: Iterator[Photo], request: LineRequest, codes: Sequence[Code], *, only_known: bool = False
-    ) -> SenseEvidence:
+    ) -> _Seen:
         about: tuple[TextLine, ...] = ()
-        evidence: SenseEvidence | None = None
+        seen: _Seen | None = None
         for photo in sizes:
-            if evidence is not None and ((only_known and not about) or request.deadline.is_over()):
+            if seen is not None and ((only_known and not about) or request.deadline.is_over()):
                 break
             larger = self._of_size(photo, request, codes, about)
-            main = larger.main
-            if evidence is None or main is not None or not request.deadline.stopped:
-                evidence = larger
+            main = larger.evidence.main
+            if seen is None or main is not None or not request.deadline.stopped:
+                seen = larger
             if main is not None and is_large_enough(photo, main.line.height_mm):
                 break
             # lines keep their places in a larger picture
-            about = larger.lines.places if larger.lines and main and main.is_text else ()
-        assert evidence is not None
-        return evidence
+            about = larger.found.lines.places if main and main.is_text else ()
+        assert seen is not None
+        return seen
 
     def _of_size(
         self, photo: Photo, request: LineRequest, codes: Sequence[Code], about: Sequence[TextLine]
-    ) -> SenseEvidence:
+    ) -> _Seen:
         times, bare = StepTimes(), without_codes(photo, codes)
         with times.step("see"):
             views, left_out = photo_views(bare)
@@ -126,24 +128,24 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             codes=tuple(codes),
         )
-        evidence = self._of_views(views, request, log, times, about)
+        seen = self._of_views(views, request, log, times, about)
         if photo.others:
-            return evidence
-        reading = decide(Evidence.of(evidence), self.settings)
+            return seen
+        choice = score_text(Evidence.of(seen.evidence), self.settings)
         # a sure reading may be in review for a contract: another text must not bypass it
-        if reading.confidence >= self.settings.least_score("vision") or request.deadline.is_over():
-            return evidence
+        if choice.score >= self.settings.least_score("vision") or request.deadline.is_over():
+            return seen
         clean_view = stainless_view(bare)
         if clean_view is None:
-            return evidence
+            return seen
         clean = self._of_views([clean_view], request, log, times, about)
-        other = decide(Evidence.of(clean), self.settings)
-        surer = log_odds(other.confidence) > log_odds(reading.confidence) + CLEARLY_NATS
+        other = score_text(Evidence.of(clean.evidence), self.settings)
+        surer = log_odds(other.score) > log_odds(choice.score) + CLEARLY_NATS
         # the same text again is no further evidence: it is the same photograph
-        if not surer or other.plain_text == reading.plain_text:
-            return evidence.logged(seconds=times.seconds)
-        texts = frozenset({reading.plain_text} if reading.confidence > EVEN else ())
-        return clean.logged(other_texts=texts)
+        if not surer or other.text == choice.text:
+            return seen
+        texts = frozenset({choice.text} if choice.score > EVEN else ())
+        return replace(clean, evidence=clean.evidence.logged(other_texts=texts))
 
     def _of_views(
         self,
@@ -152,13 +154,13 @@ class VisionReader:
         log: Log,
         times: StepTimes,
         about: Sequence[TextLine],
-    ) -> SenseEvidence:
+    ) -> _Seen:
         with times.step("find"):
-            part = find(views, request, about=about, twice=bool(self.fonts))
+            found = read_lines(views, request, about=about, twice=bool(self.fonts))
+            part = found.lines
             if part.main is not None:
                 part = replace(part, main=self._with_faces(views, part.main))
-        log = replace(log, seconds=times.seconds)
-        return SenseEvidence("vision", tuple(views), part, None, log)
+        return _Seen(SenseEvidence("vision", tuple(views), part, None, log), found, times)
 
     @cached_property
     def prototypes(self) -> tuple[Prototypes, ...]:
@@ -173,6 +175,20 @@ class VisionReader:
         network = main.by_expert["network"]
         cosines = compare_faces(looks, main.columns, self.prototypes, library.faces, library.map, network)
         return read_faces(main, cosines, "vision")
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Evidence of a photograph at one size, without another layout yet: of several sizes and views only one counts."""
+
+    evidence: SenseEvidence
+    found: FoundLines
+    times: StepTimes
+
+    def with_layout(self) -> SenseEvidence:
+        with self.times.step("find"):
+            lines = self.found.with_layout(self.evidence.lines)
+        return replace(self.evidence, lines=lines).logged(seconds=self.times.seconds)
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:

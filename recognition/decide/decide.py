@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from recognition.decide.build_reading import build_reading
+from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag, flags_of
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.judges import judge
@@ -34,8 +36,7 @@ def decide(
         (ReadingFlag.NONE, without) if isinstance(without, frozenset) else (without, frozenset())
     )
     alone = _alone(evidence, settings)
-    choice = choose_text(evidence, settings, alone)
-    choice = measure_text(choice, evidence, settings, without=measures)
+    choice = score_text(evidence, settings, alone, without=measures)
     findings, accepted = judge(evidence, choice, settings, without=flags, certify=certify)
     verification = None
     if evidence.expected:
@@ -51,6 +52,17 @@ def decide(
             findings.append(Finding.of(ReadingFlag.MISMATCH))
     seconds = {**evidence.seconds, "decide": time.perf_counter() - start}
     return build_reading(evidence, choice, findings, verification, seconds)
+
+
+def score_text(
+    evidence: Evidence,
+    settings: DecisionSettings,
+    alone: Mapping[str, Reading] = MappingProxyType({}),
+    *,
+    without: frozenset[Measure] = frozenset(),
+) -> Choice:
+    """Choose the text of a part, and score it, without any judge; `alone` is what each of two senses reads."""
+    return measure_text(choose_text(evidence, settings, alone), evidence, settings, without=without)
 
 
 def _alone(evidence: Evidence, settings: DecisionSettings) -> Mapping[str, Reading]:

@@ -9,7 +9,7 @@ The format decides which of several lines is the serial. Other text on the part 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import permutations
 from types import MappingProxyType
 
@@ -53,9 +53,37 @@ def within_area(views: Sequence[View], request: LineRequest) -> tuple[Sequence[V
     return (views, request) if area is None else ([view.cut(area) for view in views], request.inside(area))
 
 
+@dataclass(frozen=True, eq=False)
+class FoundLines:
+    """Lines of a part, and the search that found them."""
+
+    lines: PartLines
+    _search: Search
+
+    def with_layout(self, lines: PartLines | None = None) -> PartLines:
+        """The lines, as found or as changed since, with another layout of a doubtful part.
+
+        It costs a fifth of a search. A part that is searched several times needs it only for the lines that count.
+        """
+        lines, looks, limits = lines or self.lines, self._search.looks, self._search.request.limits
+        before = looks.count
+        if limits.most_looks is not None:
+            looks.most = before + limits.layout_looks
+        layout = other_layout(self._search, self.lines.main, self.lines.candidates)
+        count = lines.looks + looks.count - before
+        return replace(lines, layout=layout, looks=count, stopped=looks.deadline.stopped)
+
+
 def find(
     views: Sequence[View], request: LineRequest, *, about: Sequence[TextLine] = (), twice: bool = False
 ) -> PartLines:
+    """Find and read the lines of a part, and another layout of a doubtful one; see `read_lines`."""
+    return read_lines(views, request, about=about, twice=twice).with_layout()
+
+
+def read_lines(
+    views: Sequence[View], request: LineRequest, *, about: Sequence[TextLine] = (), twice: bool = False
+) -> FoundLines:
     """Find and read the lines of a part.
 
     Args:
@@ -89,10 +117,7 @@ def find(
         )
         part = _with_other_lines(search, main, [line for line in lines if apart(line, main)])
         part = replace(part, candidates=_places(search.view, candidates))
-    if limits.most_looks is not None:
-        looks.most = looks.count + limits.layout_looks
-    layout = other_layout(search, part.main, part.candidates)
-    return replace(part, layout=layout, looks=looks.count, stopped=looks.deadline.stopped)
+    return FoundLines(replace(part, looks=looks.count), search)
 
 
 def _read_closely(
