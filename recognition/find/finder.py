@@ -6,9 +6,9 @@ view --at several scales--> findings of cells --joined--> lines --best of those 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,8 @@ _MIDDLE, _FAINT = 0.5, 0.2
 _GAP = 1.2
 """Longest stretch of land within a line, character heights."""
 _LEAST_CELLS = 3
+_INSIDE, _ALONG = np.linspace(0.05, 0.95, 15), np.linspace(0.0, 1.0, 61)
+"""Shares of the lengths of two lines at which they are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,29 +54,45 @@ class FoundLine:
         return replace(self, line=change(self.line), bent=self.bent and change(self.bent))
 
 
-def find_lines(
-    view: View,
-    *,
-    height_mm: float | None = None,
-    faint: bool = False,
-    turned_deg: float = 0.0,
-) -> list[FoundLine]:
-    """Find the lines of a view within some 30 degrees of `turned_deg`, most promising first, also faint ones."""
-    if turned_deg:
+@dataclass(frozen=True, eq=False)
+class Finder:
+    """Finds the lines of a view; the network runs once at each scale of each rotation."""
+
+    view: View
+    height_mm: float | None = None
+    _turned: dict[float, list[FoundLine]] = field(init=False, default_factory=dict)
+
+    __repr__ = one_line
+
+    def lines(self, *, faint: bool = False) -> list[FoundLine]:
+        """Lines within some 30 degrees of level, most promising first; also faint ones."""
+        least, origin_mm = _FAINT if faint else _MIDDLE, self.view.origin_mm
+        candidates = [
+            line
+            for scale_mm, cells in self._cells.items()
+            for line in joined_cells(cells, scale_mm / FINDER_ROWS, origin_mm, least=least)
+        ]
+        if self.height_mm is not None:
+            candidates = [c.mapped(partial(_as_high, height_mm=self.height_mm)) for c in candidates]
+        pieces = without_doubles(candidates)
+        joined = (_join(*pair) for pair in combinations(pieces, 2))
+        whole = [line for line in joined if line is not None]
+        return sorted([*pieces, *whole], key=lambda line: -line.score)
+
+    def turned(self, turned_deg: float) -> list[FoundLine]:
+        """Lines within some 30 degrees of a rotation, most promising first."""
 
         def back(line: TextLine) -> TextLine:
-            return TextLine(turn_back(line.centre_mm, view, turned_deg), line.height_mm)
+            return TextLine(turn_back(line.centre_mm, self.view, turned_deg), line.height_mm)
 
-        turned = find_lines(turn_view(view, turned_deg), height_mm=height_mm)
-        return [candidate.mapped(back) for candidate in turned]
-    least = _FAINT if faint else _MIDDLE
-    candidates = [c for scale_mm in _scales(view, height_mm) for c in _at_scale(view, scale_mm, least)]
-    if height_mm is not None:
-        candidates = [c.mapped(partial(_as_high, height_mm=height_mm)) for c in candidates]
-    pieces = without_doubles(candidates)
-    joined = (_join(*pair) for pair in combinations(pieces, 2))
-    whole = [line for line in joined if line is not None]
-    return sorted([*pieces, *whole], key=lambda line: -line.score)
+        if turned_deg not in self._turned:
+            turned = Finder(turn_view(self.view, turned_deg), self.height_mm).lines()
+            self._turned[turned_deg] = [candidate.mapped(back) for candidate in turned]
+        return self._turned[turned_deg]
+
+    @cached_property
+    def _cells(self) -> Mapping[float, NDArray[np.float32]]:
+        return {scale_mm: _cells_at(self.view, scale_mm) for scale_mm in _scales(self.view, self.height_mm)}
 
 
 def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> TextLine:
@@ -116,13 +134,13 @@ def _scales(view: View, height_mm: float | None, *, octaves: float = 0.7) -> lis
     return [high * 2.0 ** (-octaves * (k + 0.5)) for k in range(count)]
 
 
-def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
-    pitch_mm = scale_mm / FINDER_ROWS
-    layers = resample(view, pitch_mm)
+def _cells_at(view: View, scale_mm: float) -> NDArray[np.float32]:
+    layers = resample(view, scale_mm / FINDER_ROWS)
     layers[HEIGHTS] /= scale_mm
     rows, columns = layers.shape[1:]
     fed = np.pad(layers, ((0, 0), (0, -rows % CELL), (0, -columns % CELL)))
-    return joined_cells(findings(fed[None])[0], pitch_mm, view.origin_mm, least=least)
+    cells: NDArray[np.float32] = findings(fed[None])[0]
+    return cells
 
 
 def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -186,11 +204,9 @@ def overlap(line: TextLine, other: TextLine, *, band_mm: float | None = None) ->
     """Whether two lines are the same ink: half of the first lies within `band_mm` of the other's middle."""
     band_mm = 0.6 * max(line.height_mm, other.height_mm) if band_mm is None else band_mm
     # no point of a curve is further than half its length from the middle between its ends
-    apart = np.subtract(*(each.centre_mm[[0, -1]].mean(axis=0) for each in (line, other)))
-    if math.hypot(*apart) > 0.5 * (line.length_mm + other.length_mm) + band_mm:
+    if math.hypot(*(line.middle_mm - other.middle_mm)) > 0.5 * (line.length_mm + other.length_mm) + band_mm:
         return False
-    points = points_along(line, np.linspace(0.05, 0.95, 15))
-    curve = points_along(other, np.linspace(0.0, 1.0, 61))
+    points, curve = points_along(line, _INSIDE), points_along(other, _ALONG)
     far = np.linalg.norm(points[:, None] - curve, axis=2)
     nearest = far.argmin(axis=1)
     inside = (far.min(axis=1) < band_mm) & (nearest > 0) & (nearest < len(curve) - 1)

@@ -91,8 +91,7 @@ def is_same_place(
     """Whether two lines lie so near, in character heights, that the recogniser sees the same."""
     if abs(math.log(line.height_mm / other.height_mm)) > most_size:
         return False
-    shares = np.array([0.0, 0.5, 1.0])
-    apart = (points_along(line, shares) - points_along(other, shares)) / line.height_mm
+    apart = (line.stations_mm - other.stations_mm) / line.height_mm
     along = other.centre_mm[-1] - other.centre_mm[0]
     along = along / np.linalg.norm(along)
     across = apart @ np.array([-along[1], along[0]])

@@ -15,7 +15,7 @@ from functools import cached_property, partial
 from itertools import chain
 from typing import Self
 
-from recognition.find.finder import FoundLine, find_lines, overlap
+from recognition.find.finder import Finder, FoundLine, overlap
 from recognition.find.line_variants import is_same_place, move_line
 from recognition.find.looks import Looks
 from recognition.find.promise import is_convincing, promise_of, rank, share_of
@@ -53,9 +53,14 @@ class Search:
         return replace(self, request=replace(self.request, grammar=grammar))
 
     @cached_property
+    def finder(self) -> Finder:
+        """Finds lines of the view."""
+        return Finder(self.view, self.request.height_mm)
+
+    @cached_property
     def finder_lines(self) -> Sequence[FoundLine]:
         """The finder's lines, most promising first."""
-        return find_lines(self.view, height_mm=self.request.height_mm)[: self.request.limits.most_lines]
+        return self.finder.lines()[: self.request.limits.most_lines]
 
     def candidates(self) -> list[TextLine]:
         """Propose lines, most promising first, without reading them."""
@@ -63,11 +68,8 @@ class Search:
 
     def turned_candidates(self, *turns_deg: float) -> list[TextLine]:
         """Propose lines turned by about these angles, clockwise as seen, most promising first."""
-        height_mm = self.request.height_mm
-        by_turn = (find_lines(self.view, height_mm=height_mm, turned_deg=deg) for deg in turns_deg)
-        return [
-            candidate.line for candidate in sorted(chain(*by_turn), key=lambda candidate: -candidate.score)
-        ]
+        candidates = chain(*map(self.finder.turned, turns_deg))
+        return [candidate.line for candidate in sorted(candidates, key=lambda candidate: -candidate.score)]
 
     def heights_mm(self) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""

@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Protocol, TypeAlias
 
-from recognition.find.finder import FoundLine, find_lines
+from recognition.find.finder import Finder, FoundLine
 from recognition.find.ink import on_ink
 from recognition.find.line_variants import (
     SAGS,
@@ -55,6 +55,10 @@ class Searched(Protocol):
     @property
     def view(self) -> View:
         """The view that is searched."""
+
+    @property
+    def finder(self) -> Finder:
+        """Finds lines of the view."""
 
     @property
     def finder_lines(self) -> Sequence[FoundLine]:
@@ -97,7 +101,7 @@ def _further(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
 
 
 def _faint(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:
-    return [each.line for each in find_lines(search.view, height_mm=search.request.height_mm, faint=True)]
+    return [each.line for each in search.finder.lines(faint=True)]
 
 
 def _blind(search: Searched, lines: Sequence[ReadLine]) -> list[TextLine]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,10 +61,20 @@ class TextLine:
         end = (x_mm + length_mm * math.cos(turn), y_mm + length_mm * math.sin(turn))
         return cls(np.array([(x_mm, y_mm), end]), height_mm)
 
-    @property
+    @cached_property
     def length_mm(self) -> float:
         """Length along the curve."""
         return float(np.linalg.norm(np.diff(self.centre_mm, axis=0), axis=1).sum())
+
+    @cached_property
+    def middle_mm(self) -> Points:
+        """(2,) x, y half way between its ends."""
+        return np.asarray(self.centre_mm[[0, -1]].mean(axis=0))
+
+    @cached_property
+    def stations_mm(self) -> Points:
+        """(3, 2) x, y of the start, middle and end of its curve."""
+        return points_along(self, np.array([0.0, 0.5, 1.0]))
 
     @property
     def turned_deg(self) -> float:

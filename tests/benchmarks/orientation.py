@@ -25,7 +25,7 @@ from glyphs.part import Part, stamp
 from glyphs.surface.maps import HeightMap
 from recognition.decide.evidence import Evidence
 from recognition.decide.reading import Reading
-from recognition.find.finder import find_lines
+from recognition.find.finder import Finder
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.reader import Reader
@@ -145,7 +145,7 @@ def characters(*, texts: int = 4, seed: int = 1, fonts: str = FONTS) -> None:
         for way in Way:
             order = text[::-1] if way.reverses else text
             for view, height_mm in views_of(surface, photo, SHOWN[way.value]):
-                for line in find_lines(view, height_mm=height_mm)[:1]:
+                for line in Finder(view, height_mm).lines()[:1]:
                     steps = steps_of(posteriors(view.strip(line.line)), chars=ALPHANUMERIC)
                     places = steps.places((ALPHANUMERIC,) * PLACES)
                     if places is None:

@@ -11,7 +11,7 @@ from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
-from recognition.find.finder import find_lines, overlap
+from recognition.find.finder import Finder, overlap
 from recognition.see.levelling import level
 from recognition.see.text_line import TextLine
 from recognition.see.view import heights_view
@@ -39,14 +39,14 @@ def check(line: TextLine, box: tuple[float, float, float, float], height_mm: flo
 @pytest.mark.parametrize("raised", [False, True])
 def test_a_line_of_unknown_height_is_found(height_mm: float, raised: bool, make_part: Make) -> None:
     part = make_part("K7B29X4", height_mm=height_mm, raised=raised)
-    first = find_lines(heights_view(level(part.height_map)))[0]
+    first = Finder(heights_view(level(part.height_map))).lines()[0]
     check(first.line, hull(part.boxes_mm), height_mm)
     assert first.score > 0.0
 
 
 def test_a_height_that_is_known_is_kept_to(make_part: Make) -> None:
     part = make_part("K7B29X4")
-    first = find_lines(heights_view(level(part.height_map)), height_mm=5.0)[0]
+    first = Finder(heights_view(level(part.height_map)), 5.0).lines()[0]
     # no further off than marks are struck
     assert first.line.height_mm == pytest.approx(5.0, rel=0.1)
 
@@ -57,7 +57,7 @@ def test_two_lines_are_two() -> None:
         layout=Layout(other_text="R3X8HM5", gap=0.7),
     )  # fmt: skip
     stamped = part.stamped
-    lines = [one.line for one in find_lines(heights_view(level(part.height_map)))][:2]
+    lines = [one.line for one in Finder(heights_view(level(part.height_map))).lines()][:2]
     assert len(lines) == 2
     upper, lower = sorted(lines, key=lambda line: float(line.centre_mm[:, 1].mean()))
     boxes = sorted((hull(stamped.boxes_mm), hull(stamped.other_boxes_mm)), key=lambda box: box[1])
@@ -72,7 +72,7 @@ def test_a_line_that_runs_down_is_found_running_down(make_part: Make) -> None:
     level_ = level(part.height_map)
     # turned clockwise: what ran to the right runs down
     turned = HeightMap(np.rot90(level_.z_mm, -1).copy(), level_.pitch_mm)
-    first = find_lines(heights_view(turned), turned_deg=90.0)[0].line
+    first = Finder(heights_view(turned)).turned(90.0)[0].line
     assert first.turned_deg == pytest.approx(90.0, abs=5.0)
     x0, y0, x1, y1 = hull(part.boxes_mm)
     wide = turned.size_mm[0]
@@ -86,7 +86,7 @@ def test_a_slanted_line_is_found_on_slanted_axes(turned_deg: float, make_part: M
     part = make_part("K7B29X4", line_rotation_deg=turned_deg)
     view = heights_view(level(part.height_map))
     near_deg = min((30.0, -30.0, 60.0, -60.0), key=lambda deg: abs(deg - turned_deg))
-    first = find_lines(view, turned_deg=near_deg)[0].line
+    first = Finder(view).turned(near_deg)[0].line
     assert first.turned_deg == pytest.approx(turned_deg, abs=5.0)
     middle = first.centre_mm[[0, -1]].mean(axis=0)
     boxes = np.array(part.boxes_mm)
@@ -96,7 +96,7 @@ def test_a_slanted_line_is_found_on_slanted_axes(turned_deg: float, make_part: M
 @pytest.mark.parametrize("roughness_mm", [0.0, 0.0005, 0.002])
 def test_bare_land_has_no_line(roughness_mm: float) -> None:
     z = roughness_mm * np.random.default_rng(1).standard_normal((160, 320))
-    assert find_lines(heights_view(HeightMap(z.astype(np.float32), 0.08))) == []
+    assert Finder(heights_view(HeightMap(z.astype(np.float32), 0.08))).lines() == []
 
 
 def test_lines_overlap_where_one_lies_in_the_others_band() -> None:
