@@ -44,10 +44,12 @@ def without_stains(
     brightness = np.log(photo.grey() ** _GAMMA + _DARK)
     red, green, blue = np.moveaxis(np.log(cv2.GaussianBlur(linear, (0, 0), focus_px) + _DARK), 2, 0)
     row, column = _bins(red - green, bins), _bins(blue - green, bins)
-    span = [(-0.5, bins - 0.5)] * 2
+    row_bin, column_bin = (
+        np.floor(place.ravel() + np.float64(0.5)).astype(np.intp) for place in (row, column)
+    )
     count, total = (
         cv2.GaussianBlur(
-            np.histogram2d(row.ravel(), column.ravel(), bins, span, weights=weights)[0],
+            np.bincount(row_bin * bins + column_bin, weights, bins * bins).reshape(bins, bins).astype(np.float64),
             (0, 0), kernel_bins, borderType=cv2.BORDER_CONSTANT,
         )
         for weights in (None, brightness.ravel())
