@@ -7,7 +7,7 @@ this file, with a card on the training data; `python -m recognition.learning.tra
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -98,17 +98,27 @@ def steps_of(
     characters that are not in `chars` are left out; a space counts as blank.
     """
     power = np.exp(log_posteriors.astype(np.float64))
-    of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])
-    for k, char in enumerate(chars):
-        for case in {char, *([char.lower()] if char.lower() not in chars else [])}:
-            if case in _CODES:
-                of[:, k] += power[:, _CODES[case]]
-                small += power[:, _CODES[case]] * (case != char)
+    known, smalls = _codes_of(chars)
+    of = np.zeros((power.shape[0], len(chars)))
+    of[:, list(known)] = power[:, list(known.values())]
+    of[:, list(smalls)] += power[:, list(smalls.values())]
+    small = sum((power[:, code] for code in smalls.values()), np.zeros(power.shape[0]))
     gap = power[:, _CODES[" "]]
     blank = power[:, 0] + (gap if " " not in chars else 0.0)
     columns = (np.arange(len(power), dtype=np.float64) + 0.5) * _step_columns(wider) - 0.5 + LAG_COLUMNS
     columns += skip_columns
     return Steps.of(blank, of, chars, columns, gap=gap, small=small, rare=rare)
+
+
+@cache
+def _codes_of(chars: str) -> tuple[Mapping[int, int], Mapping[int, int]]:
+    """By place in `chars`, the codes of its characters, and of their small letters that count as them."""
+
+    def known(cases: Iterable[tuple[int, str]]) -> Mapping[int, int]:
+        return {k: _CODES[case] for k, case in cases if case in _CODES}
+
+    small = ((k, char.lower()) for k, char in enumerate(chars) if char.lower() not in chars)
+    return known(enumerate(chars)), known(small)
 
 
 def wider_of(steps: Steps) -> float:
