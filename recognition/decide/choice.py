@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from glyphs.surface.display import one_line
 from recognition.decide.evidence import SenseEvidence
 from recognition.decide.reading import CharacterReading, OtherLine, Reading, with_spaces
-from recognition.decide.risk_text import USUAL_RISK, risk_in_words
+from recognition.decide.risk_text import USUAL_RISK
 from recognition.decide.score import Measure, score_of
-from recognition.language.code_text import holds
 from recognition.language.constrained_decoding import Choice as Decoding
 from recognition.language.lattice import Lattice
 from recognition.marks.measure import TextMarks
@@ -48,6 +47,7 @@ class Choice:
     measures: Mapping[Measure, float] = field(default_factory=dict)
     score: float = 0.0
     odds: float | None = None
+    odds_by_touch: float | None = None  # of this text by touch alone, if both senses are combined
 
     __repr__ = one_line
 
@@ -98,13 +98,6 @@ class Choice:
     def is_low(self) -> bool:
         """Whether there is a text whose score is below the threshold."""
         return bool(self.characters) and self.score < self.threshold
-
-    @property
-    def shortfall(self) -> str:
-        """The shortfall of the score from the threshold, in words."""
-        digits = next((n for n in range(3, 7) if round(self.score, n) < self.threshold), 6)
-        least = f"{self.threshold:g} for {risk_in_words(self.accept_risk)}"
-        return f"confidence {self.score:.{digits}f} is below the threshold {least}"
 
     @property
     def may_be_explained(self) -> bool:
@@ -161,7 +154,3 @@ class Choice:
     def spaced_text(self) -> str:
         """The text with its word gaps."""
         return with_spaces(self.text, self.spaces_after)
-
-    def is_held_by(self, code_text: str) -> bool | None:
-        """Whether a code holds the text; None if it holds no serial."""
-        return holds(code_text, self.spaced_text)

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.decide.score import log_odds, share
 from recognition.language.lattice import Lattice
 
 Floats = NDArray[np.float64]
@@ -80,6 +81,12 @@ def lead_nats(lattice: Lattice, text: str, other: str) -> float:
     ours, others = ([lattice.chars.index(c) for c in characters] for characters in (text, other))
     places = np.arange(lattice.n_places)
     return float((np.log(belief[places, ours]) - np.log(belief[places, others])).sum())
+
+
+def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) -> float:
+    """Log odds of a text by touch alone, which has read `felt_text` with `felt_odds`, perhaps another one."""
+    lead = lead_nats(felt, felt_text, text)
+    return log_odds(share(felt_odds) * math.exp(-lead))
 
 
 def relative_likelihood(lattice: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:

@@ -99,7 +99,6 @@ def verify(
 
     The lattice must have been made without knowledge of the text, and must allow other characters than the
     expected ones. Below a probability of `least`, nothing is confirmed or refuted. Raises VerifyError.
-    Raises VerifyError.
     """
     if lattice is None:
         lattice = Lattice((), np.zeros((0, 0)))

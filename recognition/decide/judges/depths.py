@@ -37,21 +37,15 @@ def violations(
         )
     least, most = (0.0, math.inf) if window is None else (window.least_mm, window.most_mm)
     rim = rule.most_burr_mm
-    marks = [(k, c.depth) for k, c in enumerate(characters, start=1)]
-    felt = [(k, depth) for k, depth in marks if depth is not None]
-    burrs = {k: depth.burr_mm for k, depth in felt if depth.burr_mm is not None}
-    lows, highs = (
-        {
-            k: (mm - depth.bias_mm, f" {_with_sd(mm - depth.bias_mm, depth.sd_mm)} mm")
-            for k, depth, mm in values
-        }
-        for values in (
-            [(k, depth, depth.min_mm) for k, depth in felt],
-            [(k, depth, depth.max_mm) for k, depth in felt],
-        )
-    )
-    shallow = {k: words for k, (mm, words) in lows.items() if mm < least}
-    deep = {k: words for k, (mm, words) in highs.items() if mm > most}
+    felt = {k: c.depth for k, c in enumerate(characters, start=1) if c.depth is not None}
+    burrs = {k: depth.burr_mm for k, depth in felt.items() if depth.burr_mm is not None}
+
+    def words(k: int, mm: float) -> str:
+        sd_mm = felt[k].sd_mm
+        return f" {mm:.3f} mm" if sd_mm is None else f" {mm:.3f} +- {sd_mm:.3f} mm"
+
+    shallow = {k: words(k, mm) for k, d in felt.items() if (mm := d.min_mm - d.bias_mm) < least}
+    deep = {k: words(k, mm) for k, d in felt.items() if (mm := d.max_mm - d.bias_mm) > most}
     high = {k: f" {mm:.3f} mm" for k, mm in burrs.items() if mm > rim}
     lacking: dict[str, dict[int, str]] = {}
     unsized = rule.least_height_mm > 0.0 and not felt
@@ -77,10 +71,6 @@ def violations(
             ReadingFlag.TOO_SMALL,
             f"too small for {rule.name}: about {size:.2f} mm high at the bottoms (at least {rule.least_height_mm:g})",
         )
-
-
-def _with_sd(depth_mm: float, sd_mm: float | None) -> str:
-    return f"{depth_mm:.3f}" if sd_mm is None else f"{depth_mm:.3f} +- {sd_mm:.3f}"
 
 
 def print_size_mm(

@@ -11,6 +11,7 @@ from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.fuse_lattices import contradict, lead_nats
 from recognition.decide.reading import Reading
 from recognition.decide.score import log_odds
+from recognition.language.code_text import holds
 
 
 def log_of_sense(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
@@ -117,7 +118,7 @@ def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tup
 
 def code_disagrees(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report codes that hold another serial, unless one holds this serial."""
-    held = [choice.is_held_by(code.text) for code in choice.codes]
+    held = [holds(code.text, choice.spaced_text) for code in choice.codes]
     if not choice.characters or True in held:
         return
     for code, same in zip(choice.codes, held, strict=True):
