@@ -8,7 +8,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.decide.evidence import SenseEvidence
 from recognition.decide.reading import CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decide.risk_text import USUAL_RISK
@@ -28,8 +28,8 @@ DOUBTFUL = 0.5
 """Score below which a part may have a layout that is not read; one that has hardly exceeds 0.1."""
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Choice(OneLine):
     """The text that is chosen from the evidence, and what was measured for it; if both looked, each `alone`."""
 
     senses: tuple[SenseEvidence, ...]
@@ -49,8 +49,6 @@ class Choice:
     odds: float | None = None
     odds_by_touch: float | None = None  # of this text by touch alone, if both senses are combined
 
-    __repr__ = one_line
-
     @property
     def sense(self) -> SenseEvidence:
         """The sense that gives the places of the text."""
@@ -58,22 +56,18 @@ class Choice:
 
     @property
     def line(self) -> ReadLine | None:
-        """The line of the text."""
         return self.sense.main
 
     @property
     def is_fused(self) -> bool:
-        """Whether posteriors of both senses are combined."""
         return len(self.senses) > 1
 
     @property
     def text(self) -> str:
-        """The text without blanks; empty if there is none."""
         return "".join(place.char for place in self.characters)
 
     @cached_property
     def strokes(self) -> tuple[PlaceStrokes, ...]:
-        """Felt strokes of the text and its rivals, place by place; empty if unknown."""
         if self.marks is None or self.posteriors is None:
             return ()
         return self.marks.strokes(self.posteriors, slope=score_of(self.scored_as).slope)
@@ -86,7 +80,6 @@ class Choice:
 
     @property
     def posteriors(self) -> Lattice | None:
-        """Posteriors with which strokes are weighed."""
         return self.lattice if self.is_fused or self.line is None else self.line.lattice
 
     @property
@@ -96,7 +89,6 @@ class Choice:
 
     @property
     def is_low(self) -> bool:
-        """Whether there is a text whose score is below the threshold."""
         return bool(self.characters) and self.score < self.threshold
 
     @property
@@ -120,17 +112,14 @@ class Choice:
 
     @property
     def in_own_font(self) -> LaidText | None:
-        """The text in the font of the part; None if that is unknown."""
         return None if self.marks is None else self.marks.in_own_font
 
     @property
     def other_font_fits_better(self) -> bool:
-        """Whether the marks fit another font clearly better than the named ones."""
         return self.marks is not None and self.marks.other_font_fits_better
 
     @property
     def layout(self) -> Layout | None:
-        """Other layout in which a doubtful part reads well; None without one."""
         return None if self.characters and self.score >= DOUBTFUL else self.sense.layout
 
     @cached_property
@@ -152,5 +141,4 @@ class Choice:
 
     @property
     def spaced_text(self) -> str:
-        """The text with its word gaps."""
         return with_spaces(self.text, self.spaces_after)

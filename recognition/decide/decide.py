@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 
 from recognition.decide.build_reading import build_reading
 from recognition.decide.decision import Finding, ReadingFlag, flags_of
@@ -33,7 +32,10 @@ def decide(
     flags, measures = (
         (ReadingFlag.NONE, without) if isinstance(without, frozenset) else (without, frozenset())
     )
-    alone = _alone(evidence, settings)
+    senses = evidence.senses if len(evidence.senses) > 1 else ()
+    alone: dict[str, Reading] = {
+        sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in senses
+    }
     choice = choose_text(evidence, settings, alone)
     choice = measure_text(choice, evidence, settings, without=measures)
     findings, accepted = judge(evidence, choice, settings, without=flags, certify=certify)
@@ -51,8 +53,3 @@ def decide(
             findings.append(Finding.of(ReadingFlag.MISMATCH))
     seconds = {**evidence.seconds, "decide": time.perf_counter() - start}
     return build_reading(evidence, choice, findings, verification, seconds)
-
-
-def _alone(evidence: Evidence, settings: DecisionSettings) -> Mapping[str, Reading]:
-    senses = evidence.senses if len(evidence.senses) > 1 else ()
-    return {sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in senses}

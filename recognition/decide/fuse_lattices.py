@@ -46,10 +46,7 @@ def fitted_weights() -> FusionWeights:
 
 
 def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | None = None) -> Lattice:
-    """Combine the posteriors of both senses at the places of touch, over the characters of either.
-
-    What neither has read is "nothing readable". Raises ValueError for other numbers of places.
-    """
+    """Combine the posteriors of both senses at the places of touch, over characters of either. Raises ValueError."""
     if touch.n_places != camera.n_places:
         raise ValueError(f"{touch.n_places} and {camera.n_places} places cannot be the same ones")
     weights = fitted_weights() if weights is None else weights
@@ -90,14 +87,12 @@ def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) ->
 
 
 def relative_likelihood(lattice: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """(places, chars) probabilities relative to a guess, and (places,) probability that the place was read.
-
-    What was not read is spread over all characters; those that a sense has ruled out count as a guess.
-    """
+    """(places, chars) probabilities relative to a guess, and (places,) probability that the place was read."""
     out = np.zeros((lattice.n_places, len(chars)))
     out[:, [chars.index(c) for c in lattice.chars]] = np.exp(lattice.log_belief)
     read, known = np.minimum(out.sum(axis=1), 1.0), possible_characters(lattice, chars)
     guess = 1.0 / np.maximum(known.sum(axis=1), 1)[:, None]
+    # what was not read is spread over all characters; those that a sense has ruled out count as a guess
     return np.where(known, out / guess + (1.0 - read)[:, None], 1.0), read
 
 

@@ -153,11 +153,7 @@ def unsettled_twins(
     *,
     pairs: Sequence[tuple[str, str]] = (("0", "O"), ("1", "I"), ("5", "S")),
 ) -> int:
-    """Number of characters of a text that nothing but their shape tells from their twin, which is much the same.
-
-    Args:
-        grammar: format; where it forbids the twin, or a check digit does, the character is settled.
-    """
+    """Number of characters of a text that only their shape tells from their twin, not the format or a check digit."""
     twins = dict((*pairs, *((second, first) for first, second in pairs)))
     return sum(
         grammar is None or grammar.allows(text[:k] + twins[char] + text[k + 1 :])

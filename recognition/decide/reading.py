@@ -76,7 +76,6 @@ class CharacterReading:
 
     @property
     def is_unread(self) -> bool:
-        """Whether no character can be made out."""
         return self.state is not None and self.state.state is CharacterState.NOT_READ
 
     @property
@@ -176,7 +175,6 @@ class Reading:
 
     @property
     def flags(self) -> ReadingFlag:
-        """Flags of all findings."""
         return flags_of(self.findings)
 
     @property
@@ -222,7 +220,6 @@ class Reading:
 
     @property
     def scaled(self) -> bool:
-        """Whether lengths are mm, not pixels of a photograph of unknown scale."""
         return self.unit == "mm"
 
     def __repr__(self) -> str:

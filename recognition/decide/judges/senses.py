@@ -61,16 +61,14 @@ def senses_disagree(
     settings: DecisionSettings,
     *,
     sure: float = 0.97,
+    # ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt makes
+    # the camera take two characters for others at ten to one each; from 300 on it is not dirt.
     ratio: float = 300.0,
 ) -> Iterator[Finding]:
     """Report a sense that is sure of another text than the fused one: it may have read another part.
 
     A sense is sure of its text if its score says so, or if it holds the text for far likelier than the fused one. They
     also disagree if both are sure of different characters at one place: serials of one lot often differ at one only.
-
-    Args:
-        ratio: ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt
-            makes the camera take two characters for others at ten to one each; from 300 on it is not dirt.
     """
     if not choice.alone:
         return
