@@ -37,17 +37,16 @@ FAST = frozenset({"fast"})
 def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Function]:
     """Return a decorator that compiles a function; `allow`: its fast-math flags. Division by zero gives inf."""
 
-    def made(function: Function) -> Function:
+    def decorate(function: Function) -> Function:
         dispatcher: Any = njit(error_model="numpy", nogil=True, fastmath=set(allow) if allow else False)(
             function
         )
         # in place of njit(cache=True), which fails on damaged files, full disks and read-only folders
         dispatcher._cache = cache_of(function)
-        cached = not isinstance(dispatcher._cache, NullCache)
-        _Compiling.kept = _Compiling.kept and cached
+        _Compiling.all_cached &= not isinstance(dispatcher._cache, NullCache)
         return dispatcher  # type: ignore[no-any-return]
 
-    return made
+    return decorate
 
 
 def inline_kernel(function: Function) -> Function:
@@ -64,7 +63,7 @@ def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[An
 
 
 class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
-    kept = True
+    all_cached = True
     """Whether every kernel has a cache on disk."""
 
     def __init__(self) -> None:
@@ -73,7 +72,7 @@ class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
     def on_start(self, event: Any) -> None:
         self._began_s.append(time.monotonic())
         if len(self._began_s) == 1:
-            report_start(kept=self.kept, first=first_on_this_machine)
+            report_start(cached=self.all_cached, first=first_on_this_machine)
 
     def on_end(self, event: Any) -> None:
         began_s = self._began_s.pop()

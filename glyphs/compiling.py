@@ -35,12 +35,12 @@ def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
         _Watch.show = before
 
 
-def report_start(*, kept: bool = True, first: Callable[[], bool] = lambda: True) -> None:
+def report_start(*, cached: bool = True, first: Callable[[], bool] = lambda: True) -> None:
     """Show that a kernel is being compiled; after the `first` on a machine, only long compilations are shown."""
     if not _Watch.announced and _Watch.show is not None:
         _Watch.announced = True
-        if not kept or first():
-            _Watch.show(COMPILE_ONCE if kept else COMPILE_EVERY_RUN)
+        if not cached or first():
+            _Watch.show(COMPILE_ONCE if cached else COMPILE_EVERY_RUN)
             _Watch.shown_s = -PROGRESS_S  # the end is shown, too, however soon it comes
     _Watch.compiled = True
 

@@ -57,7 +57,6 @@ class KernelCache(_Cache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save a kernel if it can be written."""
         with contextlib.suppress(OSError):
             try:
                 super().save_overload(sig, data)

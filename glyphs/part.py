@@ -55,12 +55,10 @@ class Part:
 
     @property
     def text(self) -> str:
-        """The text that was stamped."""
         return self.stamped.text
 
     @property
     def height_mm(self) -> float:
-        """Character height."""
         return self.stamped.height_mm
 
     @property

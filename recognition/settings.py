@@ -12,7 +12,7 @@ import numpy as np
 from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.decide.decision import CertifiedAcceptance
 from recognition.decide.depth_rules import DepthRule
 from recognition.decide.risk import least_score, require_kept
@@ -46,8 +46,8 @@ class ReaderOptions(TypedDict, total=False):
     limit_s: float | None
 
 
-@dataclass(frozen=True)
-class ReaderSettings:
+@dataclass(frozen=True, repr=False)
+class ReaderSettings(OneLine):
     """Settings of a reader. Raises FormatError, MarksError or ValueError.
 
     Attributes:
@@ -74,8 +74,6 @@ class ReaderSettings:
     certified: CertifiedAcceptance | None = None
     orientation: Orientation = Orientation.ANY
     limit_s: float | None = None
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         fonts = (self.fonts,) if isinstance(self.fonts, str) else tuple(self.fonts)
@@ -108,7 +106,6 @@ class ReaderSettings:
 
     @cached_property
     def line_formats(self) -> Mapping[str, LineFormat]:
-        """The other lines, with their formats parsed."""
         return {
             name: LineFormat(Grammar.parse(line)) if isinstance(line, str) else line
             for name, line in dict(self.lines).items()
@@ -116,7 +113,6 @@ class ReaderSettings:
 
     @cached_property
     def grammar(self) -> Grammar | None:
-        """Format of the serials; None without one."""
         if not isinstance(self.format, str):
             return self.format
         if not self.format.strip():
@@ -133,14 +129,13 @@ class Repertoire:
     def __init__(self, settings: ReaderSettings) -> None:
         named = settings.fonts or STAND_INS
         self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
-        stand_ins = [load_font(font) for font in STAND_INS]
         known = {font.name for font in self.fonts}
-        self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
+        self.stand_ins = tuple(font for font in map(load_font, STAND_INS) if font.name not in known)
         self.named = self.fonts if settings.fonts else ()
         self._settings = settings
-        self.places = None if settings.grammar is None else settings.grammar.fixed_places
+        places = None if settings.grammar is None else settings.grammar.fixed_places
         for font in self.named:
-            lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
+            lacks = next((chars for chars in places or () if not set(chars) & set(font.glyphs)), "")
             if lacks:
                 format = settings.format if isinstance(settings.format, str) else str(settings.grammar)
                 raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {format!r} needs")

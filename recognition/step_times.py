@@ -25,5 +25,4 @@ class StepTimes:
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Seconds of each step so far."""
         return MappingProxyType(dict(self._seconds))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from glyphs.soiling.soil import Soil
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap
 from recognition.active.felt_log import read_and_log
 from recognition.active.moves import Region
@@ -35,8 +35,8 @@ OpenStage = Callable[[HeightMap, Soil | None, float, Region | None], StageSessio
 field is the region, if given."""
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
+@dataclass(frozen=True, eq=False, repr=False)
+class Surface(OneLine):
     """The surface of a part, and how it is felt."""
 
     height_map: HeightMap
@@ -51,8 +51,6 @@ class Surface:
     stage: OpenStage | None = None
     budget_s: float = 0.0
     region_mm: Region | None = None
-
-    __repr__ = one_line
 
     @property
     def mirrored(self) -> Surface:

@@ -27,10 +27,8 @@ from recognition.find.template_fonts import TemplateFonts
 from recognition.glyph_match.face_library import face_library
 from recognition.glyph_match.faces import compare_faces, read_faces
 from recognition.glyph_match.felt_line import FeltLine
-from recognition.glyph_match.laid_line import depth_likelihoods
 from recognition.glyph_match.predicted import MOST_SETS, TemplateSet, predict_templates, template_key
-from recognition.glyph_match.prototypes import Floats, felt_prototypes
-from recognition.language.lattice import Lattice
+from recognition.glyph_match.prototypes import felt_prototypes
 from recognition.language.orientation import Way
 from recognition.marks.measure import MarkFonts, measure
 from recognition.marks.strokes import reject_false_lines
@@ -55,9 +53,7 @@ class TactileReader:
         fonts, self.named = repertoire.fonts, repertoire.named
         # room for all named fonts: they are compared on every part
         self.predict = lru_cache(max(MOST_SETS, len(fonts)))(predict_templates)
-        self.fonts = MarkFonts(
-            fonts, repertoire.strokes_of[len(fonts) :], bool(self.settings.fonts), self._templates_of
-        )
+        self.fonts = MarkFonts(fonts, repertoire.stand_ins, bool(self.named), self._templates_of)
         self.request = repertoire.request
         if "network" not in self.settings.experts:
             self.request = replace(self.request, templates=TemplateFonts(fonts, self.predict))
@@ -107,7 +103,6 @@ class TactileReader:
         return decide(Evidence.of(evidence), self.settings)
 
     def until(self, deadline: Deadline) -> TactileReader:
-        """The same reader with a time limit."""
         reader = copy(self)
         reader.request = replace(self.request, deadline=deadline)
         return reader
@@ -141,11 +136,7 @@ class TactileReader:
         ]
         features, network = features_of(view.strip(line)), main.by_expert["network"]
         cosines = compare_faces([features], columns, named, library.faces, library.map, network)
-
-        def depths(together: Lattice, font: int) -> Floats | None:
-            return None if felt is None else depth_likelihoods(together, felt, fonts[font])
-
-        return read_faces(main, cosines, "tactile", depths=depths)
+        return read_faces(main, cosines, "tactile", felt=felt, fonts=fonts)
 
     def _templates_of(
         self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT

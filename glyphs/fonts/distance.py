@@ -20,11 +20,8 @@ _ROWS, _COLUMNS = 8, 16
 
 @kernel(allow=FAST)
 def _least_squared_distance(x, y, segments, reach, nearby, out):  # type: ignore[no-untyped-def]
-    """Write the squared distance of each point from the nearest segment into `out`, which starts at infinity.
-
-    x, y and out are (rows, columns). reach and nearby are work arrays, (m,): squared distance of each segment from the
-    tile's middle, and indices of the segments near the tile.
-    """
+    # x, y and out, which starts at infinity, are (rows, columns); reach and nearby are work arrays, (m,): squared
+    # distance of each segment from the tile's middle, and indices of the segments near the tile
     rows, columns = x.shape
     for top in range(0, rows, _ROWS):
         bottom = min(top + _ROWS, rows)
@@ -70,11 +67,9 @@ def _least_squared_distance(x, y, segments, reach, nearby, out):  # type: ignore
 def segment_distance(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance, (rows, columns), of every point from the nearest segment; infinity when there is none.
+    """Distance, (rows, columns), of each point from the nearest of (m, 4) segments x0, y0, x1, y1; inf without any.
 
-    Args:
-        x: (rows, columns) coordinates; fastest if neighbours in the array are close together.
-        segments: (m, 4) end points x0, y0, x1, y1; a segment of zero length is a point.
+    It is fastest if neighbours in the array are close together. A segment of zero length is a point.
     """
     out = np.full(x.shape, np.inf)
     count = len(segments)

@@ -103,7 +103,6 @@ class Glyph(OneLine, Validated, error=FontError):
 
     @property
     def inked(self) -> bool:
-        """Whether the glyph has ink (a space has none)."""
         return bool(self.strokes or self.contours)
 
     @cached_property
@@ -154,7 +153,6 @@ class Font(OneLine, Validated, error=FontError):
 
     @cached_property
     def learned(self) -> bool:
-        """Whether the font was learned by touch."""
         return any(glyph.relief is not None for glyph in self.glyphs.values())
 
     def glyph(self, char: str) -> Glyph:

@@ -69,7 +69,6 @@ class Coat(OneLine):
 
     @property
     def area_mm2(self) -> float:
-        """Area of the plate."""
         return self.z_mm.size * self.pitch_mm**2
 
     def hollow_mm(self) -> Field:
@@ -77,7 +76,6 @@ class Coat(OneLine):
         return np.asarray(np.maximum(self.brim_mm - self.z_mm, 0.0), dtype=np.float32)
 
     def noise(self, length_mm: float, rng: np.random.Generator) -> Field:
-        """`smooth_noise` on this grid."""
         return smooth_noise(self.shape, pitch_mm=self.pitch_mm, length_mm=length_mm, rng=rng)
 
     def under_film(self, thickness_mm: Field, hardness_mpa: ArrayLike, friction: Field) -> Coat:

@@ -50,7 +50,6 @@ class Soil(OneLine):
 
     @property
     def mirrored(self) -> Soil:
-        """The soil with its rows in reverse order."""
         return Soil(self.thickness_mm[::-1], self.hardness_mpa[::-1], self.friction[::-1])
 
     @property

@@ -57,7 +57,6 @@ class Soiling(OneLine, Validated, error=StampError):
 
     @property
     def clean(self) -> bool:
-        """Whether there is no soil."""
         return self.severity == 0.0 if self.mixture is None else self.mixture.clean
 
 

@@ -40,7 +40,6 @@ SOILS: Final[dict[str, str]] = {
     "wear": "glyphs.soiling.wear.rubbing:wear",
     "casting": "glyphs.soiling.casting.pour:casting",
 }
-"""Built-in soils and their functions."""
 
 
 def soil_model(name: str) -> SoilModel:

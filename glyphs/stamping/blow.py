@@ -17,11 +17,7 @@ from glyphs.surface.display import OneLine
 
 @dataclass(frozen=True, repr=False)
 class Blow(OneLine):
-    """The blow of one character: position (plate offset of the ink's centre, mm), depth, tilt and wear.
-
-    `lean_deg` is the direction in which the stamp leans, in the plate frame. On that side the burr is higher by the
-    share `pile_up_lean`, and the wall is shallower by the share `flank_loss`.
-    """
+    """The blow of one character: position (plate offset of the ink's centre, mm), depth, tilt and wear."""
 
     x_mm: float
     y_mm: float
@@ -33,19 +29,19 @@ class Blow(OneLine):
     faint_deg: float
     second_mm: tuple[float, float] | None
     burr_fraction: float
+    # direction in which the stamp leans, in the plate frame, and shares by which the burr on that side is higher and
+    # the wall shallower
     lean_deg: float = 0.0
     pile_up_lean: float = 0.0
     flank_loss: float = 0.0
 
 
 def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw how a hand leans, degrees, and how far its baseline has shifted, heights: (count, 2).
-
-    It leans in one direction all along a part (sd 25 degrees). A separate stream leaves `rng` unchanged.
-    """
+    """Draw how a hand leans, degrees, and how far its baseline has shifted, heights: (count, 2)."""
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
         return np.zeros((count, 2))
-    hand_rng = rng.spawn(1)[0]
+    hand_rng = rng.spawn(1)[0]  # `rng` itself stays as it is
+    # a hand leans in one direction all along a part
     leans = np.degrees(hand_rng.uniform(0.0, 2 * math.pi)) + 25.0 * hand_rng.standard_normal(count)
     jumps = hand_rng.uniform(size=count) < how.jump_probability
     steps = jumps * how.jump_fraction * np.clip(hand_rng.standard_normal(count), -2.0, 2.0)

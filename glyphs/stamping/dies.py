@@ -7,22 +7,17 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
+from glyphs.stamping.faces import WIDEST, Die, Face, default_die, nominal_stroke_mm
 from glyphs.stamping.variation import StampingVariation
-
-_WIDEST = 1.25  # of the font's stroke, as in `default_die`
 
 
 @dataclass(frozen=True)
 class DieKind:
-    """One kind of die.
-
-    Attributes:
-        tip: blunt V only (`face` is FLAT): width of the flat at its edge, as a share of the usual stroke; 0: an
-            ordinary die of its face. Outlined fonts keep their own widths; the flat appears where they are wide enough.
-    """
+    """One kind of die."""
 
     face: Face
+    # blunt V only (`face` is FLAT): width of the flat at its edge, as a share of the usual stroke; 0: an ordinary die
+    # of its face. Outlined fonts keep their own widths; the flat appears where they are wide enough.
     tip: float = 0.0
     changes: tuple[tuple[str, float], ...] = ()
 
@@ -38,14 +33,12 @@ class DieKind:
         usual = default_die(height_mm, font=font, face=self.face, bevel_deg=bevel_deg, depth_mm=depth_mm)
         if self.tip == 0.0:
             return usual
-        ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO
-        nominal = ratio * height_mm
+        nominal = nominal_stroke_mm(height_mm, font)
         walls = 2 * usual.depth_mm / math.tan(math.radians(bevel_deg))
-        stroke = min(self.tip * nominal + walls, _WIDEST * nominal)
+        stroke = min(self.tip * nominal + walls, WIDEST * nominal)
         return replace(usual, stroke_mm=stroke, root_radius_mm=0.05 * usual.depth_mm)
 
     def applied(self, how: StampingVariation) -> StampingVariation:
-        """Apply the changes of this die to the variation of blows."""
         return replace(how, **dict(self.changes))  # type: ignore[arg-type]
 
 

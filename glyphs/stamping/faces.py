@@ -32,6 +32,8 @@ DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
 
 DEFAULT_STROKE_RATIO = 0.15
 """Ratio of stroke to height for fonts without their own: about 1.0 mm at 6.35 mm."""
+WIDEST = 1.25
+"""Greatest width of a groove, in strokes of the font."""
 
 
 class Face(StrEnum):
@@ -82,6 +84,12 @@ def default_depth_mm(height_mm: float) -> float:
     return float(np.interp(nearest, heights, depths)) * height_mm / nearest
 
 
+def nominal_stroke_mm(height_mm: float, font: Font | None) -> float:
+    """Stroke of a font at a character height."""
+    ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO
+    return ratio * height_mm
+
+
 def default_die(
     height_mm: float,
     *,
@@ -99,8 +107,7 @@ def default_die(
     require_positive(StampError, height_mm=height_mm)
     face = Face(face)
     depth = default_depth_mm(height_mm) if depth_mm is None else float(depth_mm)
-    ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO
-    nominal = ratio * height_mm
+    nominal = nominal_stroke_mm(height_mm, font)
     die = Die(
         face=face,
         bevel_deg=bevel_deg,
@@ -114,11 +121,11 @@ def default_die(
     bevel = math.radians(bevel_deg)
     reach = 2 * (depth + die.root_radius_mm * (1 / math.cos(bevel) - 1)) / math.tan(bevel)
     if face is Face.SHARP:
-        stroke = min(max(reach, 0.4 * nominal), 1.25 * nominal)
+        stroke = min(max(reach, 0.4 * nominal), WIDEST * nominal)
     elif face is Face.DOTTED:
         stroke = nominal * 2 / 3
     else:
-        stroke = max(nominal, min(reach, 1.25 * nominal))
+        stroke = max(nominal, min(reach, WIDEST * nominal))
     return replace(die, stroke_mm=stroke)
 
 
@@ -133,10 +140,7 @@ def relief_mm(
     # deeper blow widens the groove along its walls; where the depth vanishes there is no mark.
     extra_depth_mm: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
-    """Height of the profile over the land at a signed distance from the ink.
-
-    Returns float32, mm, of the same shape: 0 on the land, never below -depth, a burr above 0 outside.
-    """
+    """Height of the profile over the land, float32, mm: 0 on the land, never below -depth, a burr above 0 outside."""
     sd = np.asarray(signed_distance_mm, dtype=np.float32)
     bevel = math.radians(die.bevel_deg)
     depth: Number = die.depth_mm

@@ -49,7 +49,6 @@ class PlateForm(OneLine):
 
     @property
     def flat(self) -> bool:
-        """Whether both radii are infinite."""
         return math.isinf(self.radius_x_mm) and math.isinf(self.radius_y_mm)
 
     def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -24,7 +24,7 @@ class Layout(OneLine, Validated, error=StampError):
 
     Attributes:
         turned_deg: rotation of the whole line, clockwise as seen, added to the rotation that the caller requests.
-        radius_mm: radius of the baseline's arc, not zero. Positive: its centre lies below the text, as on the upper
+        radius_mm: radius of the baseline's arc, not zero. Positive: its centre lies below the text; negative: above it.
         other_above: whether the second line stands above the requested one; otherwise it stands below.
         gap: land between the two lines, cap heights, >= 0.
     """

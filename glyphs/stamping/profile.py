@@ -15,12 +15,11 @@ _LEAST = 1e-9  # mm; avoids an empty range when the radius vanishes
 def round_radius(depth: Number, half_width: Number, *, bevel_rad: float) -> Number:
     """Radius of the widest arc that rounds the floor of a groove of that depth, mm.
 
-    The arc is tangent to both walls and touches the floor in the middle. It is at least a quarter of the
-    arc that spans the whole groove (a narrow groove stays round but becomes shallower), and never so large that it
-    would start above the land.
+    The arc is tangent to both walls, touches the floor in the middle, and never starts above the land.
     """
     tan_half = math.tan(bevel_rad / 2)
     fit = (half_width - depth / math.tan(bevel_rad)) / tan_half
+    # a quarter of the arc that spans the whole groove: a narrow groove stays round but becomes shallower
     least = 0.25 * half_width / math.sin(bevel_rad)
     return np.minimum(np.maximum(fit, least), depth / (math.sin(bevel_rad) * tan_half))
 

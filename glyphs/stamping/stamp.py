@@ -43,7 +43,6 @@ class StampedPart(OneLine):
 
     @property
     def inked_mm(self) -> tuple[Box, ...]:
-        """Boxes around everything that was stamped."""
         return self.boxes_mm + self.other_boxes_mm
 
 

@@ -38,7 +38,6 @@ class Milling(Validated, error=StampError):
     chatter_mm: Positive = 1.6
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         phase = rng.uniform(0.0, 2 * math.pi, 2)
         middle = float(y_mm.mean()) + rng.uniform(-0.3, 0.3) * self.radius_mm
         dy = (y_mm - middle)[:, None]
@@ -59,7 +58,6 @@ class Turning(Validated, error=StampError):
     unevenness: Share = 0.3
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         across = x_mm[None, :] + 0.0 * y_mm[:, None]
         if self.ring_radius_mm > 0.0:
             dy = y_mm - y_mm.mean() - self.ring_radius_mm
@@ -79,7 +77,6 @@ class Grinding(Validated, error=StampError):
     along_x: bool = True
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         from scipy.ndimage import gaussian_filter
 
         pitch = float(x_mm[1] - x_mm[0])
@@ -101,7 +98,6 @@ class Sand(Validated, error=StampError):
     grain_mm: Positive = 0.25
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
-        """See `Texture`."""
         shape, pitch = (y_mm.size, x_mm.size), float(x_mm[1] - x_mm[0])
         coarse = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm, rng=rng)
         fine = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm / 3, rng=rng)

@@ -41,7 +41,6 @@ class WordedEnum(StrEnum):
     message: str
 
     def __new__(cls, value: str, message: str = "") -> Self:
-        """Make a member; look-up uses the value only."""
         member = str.__new__(cls, value)
         member._value_, member.message = value, message
         return member

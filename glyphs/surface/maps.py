@@ -45,12 +45,10 @@ class TraceDirection(IntEnum):
 
     @property
     def along_x(self) -> bool:
-        """Whether the trace runs along the rows (x), either way."""
         return self in (TraceDirection.FORWARD_X, TraceDirection.BACK_X)
 
     @property
     def backward(self) -> bool:
-        """Whether the trace runs towards smaller coordinates."""
         return self in (TraceDirection.BACK_X, TraceDirection.BACK_Y)
 
 
@@ -112,7 +110,6 @@ class HeightMap(OneLine, Validated, error=MapError):
 
     @property
     def mirrored(self) -> HeightMap:
-        """The map with its rows in reverse order."""
         return HeightMap(self.z_mm[::-1], self.pitch_mm)
 
     @property

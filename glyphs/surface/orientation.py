@@ -13,7 +13,11 @@ Points = NDArray[np.float64]
 
 
 def plate_normal(
-    points: Points, *, rounds: int = 5, thin: float = 0.1, upright: float = 0.17
+    points: Points,  # (n, 3), finite
+    *,
+    rounds: int = 5,
+    thin: float = 0.1,  # most thickness of a plate over its shorter side, standard deviations
+    upright: float = 0.17,  # least z of a normal that tells the side of the scanner: 10 degrees
 ) -> Points | None:
     """Unit normal of a plate, towards its outside; None if the points have no thin direction.
 
@@ -21,11 +25,6 @@ def plate_normal(
     a clamp are left out). A scanner's z points at the scanner, so the outside is where z is positive. On a plate that
     stands upright, the positive side of the axis nearest to its normal is the outside: programs with y upwards export
     a plate so.
-
-    Args:
-        points: (n, 3), finite.
-        thin: most thickness of a plate over its shorter side, standard deviations.
-        upright: least z of a normal that tells the side of the scanner: 10 degrees.
     """
     inlier = np.ones(len(points), dtype=np.bool_)
     for _ in range(rounds):

@@ -64,7 +64,6 @@ class Piece(OneLine, Validated, error=MapError):
 
     @property
     def size_mm(self) -> tuple[float, float]:
-        """Size along x and y."""
         if self.kind is PieceKind.BALL:
             side = 2.0 * (math.sqrt(2.0 * self.radius_mm * self.depth_mm - self.depth_mm**2) + self.land_mm)
             return side, side

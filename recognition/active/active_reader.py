@@ -13,9 +13,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from glyphs.surface.display import one_line
+import numpy as np
+
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import EdgeMap, MapError
-from recognition.active.active_reading import ActiveReading, PassFelt, StopReason, stage_failure
+from recognition.active.active_reading import ActiveReading, PassResult, StopReason, stage_failure
 from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
@@ -56,15 +58,13 @@ TOUCHABLE = (
 """Flags that further passes may clear."""
 
 
-@dataclass(frozen=True)
-class ActiveSettings:
+@dataclass(frozen=True, repr=False)
+class ActiveSettings(OneLine):
     """Settings of active touch; without `until_sure` only the policy or the budget ends it. Raises ValueError."""
 
     budget_s: float = 20.0
     policy: Policy = field(default_factory=Greedy)
     until_sure: bool = True
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.budget_s > 0.0:
@@ -101,7 +101,7 @@ class _Part:
     requested_mm: Region | None
     line: TextLine | None
     sweeps: list[Sweep] = field(default_factory=list)
-    passes: list[PassFelt] = field(default_factory=list)
+    passes: list[PassResult] = field(default_factory=list)
     evidence: SenseEvidence | None = None
     problem: str = ""
 
@@ -193,7 +193,7 @@ class _Part:
                 self.problem = str(error)
                 return False
             spent += order.stage_s
-            self.passes.append(PassFelt(order, spent, why=step.way.purpose))
+            self.passes.append(PassResult(order, spent, why=step.way.purpose))
         return True
 
     def _look(self) -> Look | None:
@@ -229,7 +229,10 @@ class _Part:
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.with_confidence(reading.confidence)
         sure = reading.is_sure_but_for(BESIDE_SERIAL | ReadingFlag.TOO_FEW_LINES)
-        self.missing = self._places_lacking_lines(reading) if sure else ()
+        self.missing = ()
+        if sure and self.scan is not None:
+            boxes, strokes = [place.box for place in reading.characters], reading.trace.strokes
+            self.missing = places_lacking_lines(self.scan, boxes, strokes, height_mm=reading.height_mm)
         if sure:
             return None if self.missing else StopReason.SURE
         doubts = reading.flags & ~TOUCHABLE
@@ -240,12 +243,6 @@ class _Part:
         if reading.confidence > EVEN:
             self.texts.add(reading.plain_text)
         return reading
-
-    def _places_lacking_lines(self, reading: Reading) -> tuple[LackingLines, ...]:
-        if self.scan is None:
-            return ()
-        boxes = [place.box for place in reading.characters]
-        return places_lacking_lines(self.scan, boxes, reading.trace.strokes, height_mm=reading.height_mm)
 
     def _full_evidence(self) -> SenseEvidence:
         others = frozenset(self.texts)
@@ -262,15 +259,11 @@ def region_around(line: TextLine, field_mm: Region) -> Region:
     """Return the region to feel around a line, within the field."""
     along_mm, across_mm = (share * line.height_mm for share in MARGIN_HEIGHTS)
     across_mm += 0.5 * line.height_mm  # the characters themselves
-    (x0, y0), (x1, y1) = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
     upright = 45.0 <= abs(line.turned_deg) <= 135.0
-    wide, high = (across_mm, along_mm) if upright else (along_mm, across_mm)
-    return (
-        max(field_mm[0], float(x0) - wide),
-        max(field_mm[1], float(y0) - high),
-        min(field_mm[2], float(x1) + wide),
-        min(field_mm[3], float(y1) + high),
-    )
+    reach_mm = (across_mm, along_mm) if upright else (along_mm, across_mm)
+    x0, y0 = np.maximum(line.centre_mm.min(axis=0) - reach_mm, field_mm[:2]).tolist()
+    x1, y1 = np.minimum(line.centre_mm.max(axis=0) + reach_mm, field_mm[2:]).tolist()
+    return x0, y0, x1, y1
 
 
 def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from glyphs.surface.display import WordedEnum, one_line
+from glyphs.surface.display import OneLine, WordedEnum
 from recognition.decide.decision import Decision
 from recognition.decide.reading import Reading
 
@@ -29,7 +29,7 @@ class StopReason(WordedEnum):
 
 
 @dataclass(frozen=True)
-class PassFelt:
+class PassResult:
     """A pass, the stage time up to its end, and the most probable text after it."""
 
     order: Pass
@@ -39,20 +39,18 @@ class PassFelt:
     confidence: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class ActiveReading:
+@dataclass(frozen=True, eq=False, repr=False)
+class ActiveReading(OneLine):
     """The reading of a part, and the steps that led to it: direction, lines per half height, confidence after it."""
 
     evidence: SenseEvidence
     reading: Reading
-    passes: tuple[PassFelt, ...]
+    passes: tuple[PassResult, ...]
     stop: StopReason
     steps: tuple[tuple[Way, int, float], ...] = ()
     sure_at_look: bool = False
     problem: str = ""
     sweeps: tuple[Sweep, ...] = ()
-
-    __repr__ = one_line
 
     @property
     def scan(self) -> Scan | None:

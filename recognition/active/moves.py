@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
@@ -53,7 +53,6 @@ class Way(StrEnum):
         shift: float = 0.0,
         purpose: str = "",
     ) -> Self:
-        """Make a member from its recorded name and its attributes."""
         member = str.__new__(cls, value)
         member._value_, member.direction, member.shift, member.purpose = value, direction, shift, purpose
         return member
@@ -64,19 +63,16 @@ class Way(StrEnum):
     CROSS_BACK = "cross back", TraceDirection.BACK_Y, 0.5, "across the line, the other way"
 
 
-@dataclass(frozen=True)
-class Step:
+@dataclass(frozen=True, repr=False)
+class Step(OneLine):
     """Passes that are felt before the next look; `lines` per half character height in this direction after it."""
 
     way: Way
     lines: int
     passes: tuple[Pass, ...]
 
-    __repr__ = one_line
-
     @property
     def stage_s(self) -> float:
-        """Stage time of the step, s."""
         return math.fsum(p.stage_s for p in self.passes)
 
 
@@ -114,9 +110,9 @@ def _stretch_to_cover(
 def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
-    (x0, y0, x1, y1), field = region_mm, fitting.field_mm
+    (x0, y0, x1, y1), (left, top, right, bottom) = region_mm, fitting.field_mm
     along, across = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
-    within = (field[1], field[3]) if along_x else (field[0], field[2])
+    start, within = (left, (top, bottom)) if along_x else (top, (left, right))
     origin, pitch = within[0], array.pitch_mm
     low, high = _stretch_to_cover(across, within, rim_mm=RIM_HEIGHTS * height)
     blocks = max(1, math.ceil((high - low) / (pitch * array.n_whiskers) - 1e-9))
@@ -125,9 +121,7 @@ def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) ->
     lines = blocks * array.n_whiskers
     first = round((0.5 * (low + high) - origin) / pitch - share - 0.5 * (lines - 1))
     step_mm = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH
-    begin = (field[0] if along_x else field[1]) + step_mm * round(
-        (along[0] - (field[0] if along_x else field[1])) / step_mm
-    )
+    begin = start + step_mm * round((along[0] - start) / step_mm)
     return [
         Pass(
             direction=way.direction,

@@ -9,21 +9,20 @@ from typing import Protocol
 
 import numpy as np
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.active.active_reading import StopReason
 from recognition.active.gain import LOOKS_AHEAD, Gain, fitted_gain
 from recognition.active.moves import Region, Step, Way, next_step
 from recognition.active.watch import Look
+from recognition.decide.evidence import EVEN
 from whisker_array.scan.session import Fitting
 
-EVEN = 0.5
-"""Confidence above which a text is a candidate."""
 WORTH_S = 100.0
 """Stage time that one more accepted serial is worth, s: half the time of the whole plan."""
 
 
-@dataclass(frozen=True, eq=False)
-class Progress:
+@dataclass(frozen=True, eq=False, repr=False)
+class Progress(OneLine):
     """Steps and confidences so far; `steady` is the number of looks before the last with its text, above 0.5."""
 
     fitting: Fitting
@@ -35,10 +34,7 @@ class Progress:
     confidences: tuple[float, ...] = ()
     steps: tuple[tuple[Way, int], ...] = ()
 
-    __repr__ = one_line
-
     def after(self, step: Step, look: Look | None) -> Progress:
-        """Return the progress after a step and the look that followed it."""
         text = "" if look is None else look.text
         return replace(
             self,
@@ -64,7 +60,6 @@ class Progress:
         )
 
     def candidates(self, region_mm: Region, ways: Iterable[Way] = Way) -> list[Step]:
-        """The next step of each direction that has room for more lines."""
         joins = bool(self.lines)
         steps = [next_step(self.fitting, region_mm, w, self.lines.get(w, 0), joins=joins) for w in ways]
         return [step for step in steps if step is not None]
@@ -90,7 +85,6 @@ class Ladder:
     rungs: tuple[tuple[Way, int], ...]
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
-        """See `Policy`."""
         ways = [way for way, upto in self.rungs if progress.lines.get(way, 0) < upto]
         for step in progress.candidates(region_mm, ways):
             return step if step.stage_s <= left_s or not progress.steps else StopReason.BUDGET
@@ -104,7 +98,6 @@ class Drawn:
     seed: int
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
-        """See `Policy`."""
         n = len(progress.steps)
         if n == 0:
             return first_step(progress, region_mm)
@@ -127,7 +120,6 @@ class Greedy:
             raise ValueError(f"worth_s is {self.worth_s}; it must be positive")
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
-        """See `Policy`."""
         if not progress.steps:
             return first_step(progress, region_mm)
         steps = progress.candidates(region_mm)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import count
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.find.find import apart, search_of
 from recognition.find.line_variants import variants
 from recognition.find.promise import is_convincing
@@ -20,24 +20,20 @@ from recognition.see.text_line import TextLine
 from recognition.see.view import View
 
 
-@dataclass(frozen=True, eq=False)
-class Look:
+@dataclass(frozen=True, eq=False, repr=False)
+class Look(OneLine):
     """The best line and text after a step; with few scan lines, the text of `others` may not show yet."""
 
     read: ReadLine
     choice: Choice
     others: bool = False
 
-    __repr__ = one_line
-
     @property
     def text(self) -> str:
-        """The best text that the format allows."""
         return self.choice.text
 
     @property
     def confidence(self) -> float:
-        """Probability that the whole text is right."""
         return self.choice.probability * self.read.count_probability
 
 
@@ -55,7 +51,6 @@ class LineWatch:
             self.line, self.is_sure = line, True
 
     def look(self, view: View, *, most_found: int = 3) -> Look | None:
-        """Return the best line and text so far; None if there is no text."""
         search = search_of(view, self.request)
         known = [] if self.line is None else [self.line]
         if self.is_sure:

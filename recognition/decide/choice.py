@@ -8,12 +8,11 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.decide.evidence import SenseEvidence
 from recognition.decide.reading import CharacterReading, OtherLine, Reading, with_spaces
-from recognition.decide.risk_text import USUAL_RISK, risk_in_words
+from recognition.decide.risk_text import USUAL_RISK
 from recognition.decide.score import Measure, score_of
-from recognition.language.code_text import holds
 from recognition.language.constrained_decoding import Choice as Decoding
 from recognition.language.lattice import Lattice
 from recognition.marks.measure import TextMarks
@@ -29,8 +28,8 @@ DOUBTFUL = 0.5
 """Score below which a part may have a layout that is not read; one that has hardly exceeds 0.1."""
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Choice(OneLine):
     """The text that is chosen from the evidence, and what was measured for it; if both looked, each `alone`."""
 
     senses: tuple[SenseEvidence, ...]
@@ -48,8 +47,7 @@ class Choice:
     measures: Mapping[Measure, float] = field(default_factory=dict)
     score: float = 0.0
     odds: float | None = None
-
-    __repr__ = one_line
+    odds_by_touch: float | None = None  # of this text by touch alone, if both senses are combined
 
     @property
     def sense(self) -> SenseEvidence:
@@ -58,22 +56,18 @@ class Choice:
 
     @property
     def line(self) -> ReadLine | None:
-        """The line of the text."""
         return self.sense.main
 
     @property
     def is_fused(self) -> bool:
-        """Whether posteriors of both senses are combined."""
         return len(self.senses) > 1
 
     @property
     def text(self) -> str:
-        """The text without blanks; empty if there is none."""
         return "".join(place.char for place in self.characters)
 
     @cached_property
     def strokes(self) -> tuple[PlaceStrokes, ...]:
-        """Felt strokes of the text and its rivals, place by place; empty if unknown."""
         if self.marks is None or self.posteriors is None:
             return ()
         return self.marks.strokes(self.posteriors, slope=score_of(self.scored_as).slope)
@@ -86,7 +80,6 @@ class Choice:
 
     @property
     def posteriors(self) -> Lattice | None:
-        """Posteriors with which strokes are weighed."""
         return self.lattice if self.is_fused or self.line is None else self.line.lattice
 
     @property
@@ -96,15 +89,7 @@ class Choice:
 
     @property
     def is_low(self) -> bool:
-        """Whether there is a text whose score is below the threshold."""
         return bool(self.characters) and self.score < self.threshold
-
-    @property
-    def shortfall(self) -> str:
-        """The shortfall of the score from the threshold, in words."""
-        digits = next((n for n in range(3, 7) if round(self.score, n) < self.threshold), 6)
-        least = f"{self.threshold:g} for {risk_in_words(self.accept_risk)}"
-        return f"confidence {self.score:.{digits}f} is below the threshold {least}"
 
     @property
     def may_be_explained(self) -> bool:
@@ -127,17 +112,14 @@ class Choice:
 
     @property
     def in_own_font(self) -> LaidText | None:
-        """The text in the font of the part; None if that is unknown."""
         return None if self.marks is None else self.marks.in_own_font
 
     @property
     def other_font_fits_better(self) -> bool:
-        """Whether the marks fit another font clearly better than the named ones."""
         return self.marks is not None and self.marks.other_font_fits_better
 
     @property
     def layout(self) -> Layout | None:
-        """Other layout in which a doubtful part reads well; None without one."""
         return None if self.characters and self.score >= DOUBTFUL else self.sense.layout
 
     @cached_property
@@ -159,9 +141,4 @@ class Choice:
 
     @property
     def spaced_text(self) -> str:
-        """The text with its word gaps."""
         return with_spaces(self.text, self.spaces_after)
-
-    def is_held_by(self, code_text: str) -> bool | None:
-        """Whether a code holds the text; None if it holds no serial."""
-        return holds(code_text, self.spaced_text)

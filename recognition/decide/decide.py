@@ -35,7 +35,10 @@ def decide(
     flags, measures = (
         (ReadingFlag.NONE, without) if isinstance(without, frozenset) else (without, frozenset())
     )
-    alone = _alone(evidence, settings)
+    senses = evidence.senses if len(evidence.senses) > 1 else ()
+    alone: dict[str, Reading] = {
+        sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in senses
+    }
     choice = score_text(evidence, settings, alone, without=measures)
     findings, accepted = judge(evidence, choice, settings, without=flags, certify=certify)
     verification = None
@@ -63,8 +66,3 @@ def score_text(
 ) -> Choice:
     """Choose the text of a part, and score it, without any judge; `alone` is what each of two senses reads."""
     return measure_text(choose_text(evidence, settings, alone), evidence, settings, without=without)
-
-
-def _alone(evidence: Evidence, settings: DecisionSettings) -> Mapping[str, Reading]:
-    senses = evidence.senses if len(evidence.senses) > 1 else ()
-    return {sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in senses}

@@ -46,22 +46,15 @@ def decision_of(
 
 
 class Kind(Enum):
-    """Effect of a flag.
+    """Effect of a flag; those of broken rules and of the stage send a part to review whatever its score."""
 
-    Attributes:
-        CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.
-        EXPLANATION: why a score is low; breaks no contract by itself.
-        MARK: a rule that the user set for the mark is broken; the part goes to review.
-        STAGE: not all that was requested could be scanned; the part goes to review.
-    """
-
-    CONTRACT = auto()
+    CONTRACT = auto()  # a rule about the serial is broken
     SCORE = auto()
-    EXPLANATION = auto()
-    MARK = auto()
+    EXPLANATION = auto()  # why a score is low; breaks no contract by itself
+    MARK = auto()  # a rule that the user set for the mark is broken
     SCAN = auto()
     BENCH = auto()
-    STAGE = auto()
+    STAGE = auto()  # not all that was requested could be scanned
 
 
 class ReadingFlag(Flag):
@@ -137,7 +130,6 @@ class ReadingFlag(Flag):
 
     @classmethod
     def of(cls, *kinds: Kind) -> ReadingFlag:
-        """All flags of some kinds."""
         return reduce(or_, (flag for flag in cls if flag.kind in kinds))
 
 

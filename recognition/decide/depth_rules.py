@@ -16,7 +16,7 @@ import re
 from dataclasses import dataclass
 
 from glyphs.errors import MarksError
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 INCH_MM = 25.4
 
@@ -53,8 +53,8 @@ class DepthWindow:
         return low * (1.0 - tolerance) <= height_mm <= high * (1.0 + tolerance)
 
 
-@dataclass(frozen=True)
-class DepthRule:
+@dataclass(frozen=True, repr=False)
+class DepthRule(OneLine):
     """Limits of depth, burr and size (at the bottom of the marks) that a mark must keep. Raises DepthRuleError."""
 
     name: str
@@ -62,8 +62,6 @@ class DepthRule:
     least_height_mm: float = 0.0
     most_burr_mm: float = math.inf
     source: str = ""
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.least_height_mm < math.inf and self.most_burr_mm > 0.0):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.decide.decision import CertifiedAcceptance, Finding
 
 if TYPE_CHECKING:
@@ -71,8 +71,8 @@ class DecisionSettings(Protocol):
         """Least score from which a text of a source of readings is accepted, or counts as sure."""
 
 
-@dataclass(frozen=True, eq=False)
-class Log:
+@dataclass(frozen=True, eq=False, repr=False)
+class Log(OneLine):
     """Notes, seconds and faults of a sense; `other_texts` of other looks were more likely right than wrong."""
 
     findings: tuple[Finding, ...] = ()
@@ -89,11 +89,9 @@ class Log:
     other_texts: frozenset[str] = frozenset()
     stopped: str = ""
 
-    __repr__ = one_line
 
-
-@dataclass(frozen=True, eq=False)
-class SenseEvidence:
+@dataclass(frozen=True, eq=False, repr=False)
+class SenseEvidence(OneLine):
     """Evidence of one sense; of its views, the one that counts comes first."""
 
     source: Source
@@ -102,10 +100,7 @@ class SenseEvidence:
     marks: Marks | None = None
     log: Log = Log()
 
-    __repr__ = one_line
-
     def logged(self, **fields: object) -> SenseEvidence:
-        """The same evidence with these fields of its log."""
         return replace(self, log=replace(self.log, **fields))  # type: ignore[arg-type]
 
     @property
@@ -115,7 +110,6 @@ class SenseEvidence:
 
     @property
     def layout(self) -> Layout | None:
-        """Other layout in which a doubtful part reads well; None without one."""
         return None if self.lines is None else self.lines.layout
 
     @property
@@ -124,8 +118,8 @@ class SenseEvidence:
         return self.log.photo is None or self.log.photo.pitch_mm is not None
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
+@dataclass(frozen=True, eq=False, repr=False)
+class Evidence(OneLine):
     """Evidence of a part from one sense or both, with texts that its earlier readings gave."""
 
     touch: SenseEvidence | None = None
@@ -134,20 +128,16 @@ class Evidence:
     notes: tuple[str, ...] = ()
     other_texts: frozenset[str] = frozenset()
 
-    __repr__ = one_line
-
     def __post_init__(self) -> None:
         if not self.senses:
             raise ValueError("evidence comes from touch, from the camera, or from both")
 
     @classmethod
     def of(cls, sense: SenseEvidence) -> Evidence:
-        """Evidence of one sense."""
         return cls(touch=sense) if sense.source == "tactile" else cls(vision=sense)
 
     @property
     def senses(self) -> tuple[SenseEvidence, ...]:
-        """Touch, then the camera, as far as there are."""
         return tuple(sense for sense in (self.touch, self.vision) if sense is not None)
 
     @property

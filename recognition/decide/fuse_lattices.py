@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.decide.score import log_odds, share
 from recognition.language.lattice import Lattice
 
 Floats = NDArray[np.float64]
@@ -45,10 +46,7 @@ def fitted_weights() -> FusionWeights:
 
 
 def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | None = None) -> Lattice:
-    """Combine the posteriors of both senses at the places of touch, over the characters of either.
-
-    What neither has read is "nothing readable". Raises ValueError for other numbers of places.
-    """
+    """Combine the posteriors of both senses at the places of touch, over characters of either. Raises ValueError."""
     if touch.n_places != camera.n_places:
         raise ValueError(f"{touch.n_places} and {camera.n_places} places cannot be the same ones")
     weights = fitted_weights() if weights is None else weights
@@ -82,15 +80,19 @@ def lead_nats(lattice: Lattice, text: str, other: str) -> float:
     return float((np.log(belief[places, ours]) - np.log(belief[places, others])).sum())
 
 
-def relative_likelihood(lattice: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """(places, chars) probabilities relative to a guess, and (places,) probability that the place was read.
+def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) -> float:
+    """Log odds of a text by touch alone, which has read `felt_text` with `felt_odds`, perhaps another one."""
+    lead = lead_nats(felt, felt_text, text)
+    return log_odds(share(felt_odds) * math.exp(-lead))
 
-    What was not read is spread over all characters; those that a sense has ruled out count as a guess.
-    """
+
+def relative_likelihood(lattice: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """(places, chars) probabilities relative to a guess, and (places,) probability that the place was read."""
     out = np.zeros((lattice.n_places, len(chars)))
     out[:, [chars.index(c) for c in lattice.chars]] = np.exp(lattice.log_belief)
     read, known = np.minimum(out.sum(axis=1), 1.0), possible_characters(lattice, chars)
     guess = 1.0 / np.maximum(known.sum(axis=1), 1)[:, None]
+    # what was not read is spread over all characters; those that a sense has ruled out count as a guess
     return np.where(known, out / guess + (1.0 - read)[:, None], 1.0), read
 
 

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from recognition.decide.choice import Choice
 from recognition.decide.deferred import deferred
 from recognition.decide.evidence import DecisionSettings, Evidence
-from recognition.decide.fuse_lattices import lead_nats
 from recognition.decide.reading import CharacterReading, mean_depth_mm
-from recognition.decide.score import DIGITS, Measure, log_odds, score_of, share
-from recognition.language.confusions import CharacterState
+from recognition.decide.score import DIGITS, Measure, score_of
 from recognition.marks.depth import MarkDepth
 from recognition.marks.no_depth import NoDepth
 
@@ -96,11 +94,7 @@ def _if_of(kind: type[T], value: object) -> T | None:
 
 def is_dirt(choice: Choice, *, least_felt: float = 0.35) -> bool:
     """Whether an unreadable line is dirt or land: less than `least_felt` of its strokes was felt, in the mean."""
-    unread = [
-        place.state is not None and place.state.state is CharacterState.NOT_READ
-        for place in choice.characters
-    ]
-    if not unread or not all(unread):
+    if not choice.characters or not all(place.is_unread for place in choice.characters):
         return False
     felt = [place.felt for place in choice.strokes if place.felt is not None]
     return bool(felt) and fmean(felt) < least_felt
@@ -121,7 +115,7 @@ def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSetting
 
     def covered() -> float | None:
         marks = choice.marks
-        if marks is not None and marks.has_strokes(choice.posteriors) and marks.nothing_covered:
+        if marks is not None and marks.has_strokes(choice.posteriors) and marks.marks.surface.is_open:
             return 0.0
         return covered_share(choice.strokes)
 
@@ -144,20 +138,12 @@ def measure_groups(choice: Choice, evidence: Evidence, settings: DecisionSetting
 def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measure, float]:
     if choice.odds is None or not choice.characters:
         return {}
-    felt, by_touch = choice.alone.get("tactile"), None
-    if (
-        choice.is_fused
-        and felt is not None
-        and felt.trace.lattice is not None
-        and felt.trace.odds is not None
-    ):
-        by_touch = odds_by_touch(choice.text, felt.plain_text, felt.trace.lattice, felt.trace.odds)
     return text_measures(
         odds=choice.odds,
         places=[place.confidence for place in choice.characters],
         format_given=settings.grammar is not None,
         twins=unsettled_twins(choice.text, settings.grammar),
-        by_touch=by_touch,
+        by_touch=choice.odds_by_touch,
     )
 
 
@@ -167,29 +153,13 @@ def unsettled_twins(
     *,
     pairs: Sequence[tuple[str, str]] = (("0", "O"), ("1", "I"), ("5", "S")),
 ) -> int:
-    """Number of characters of a text that nothing but their shape tells from their twin, which is much the same.
-
-    Args:
-        grammar: format; where it forbids the twin, or a check digit does, the character is settled.
-    """
+    """Number of characters of a text that only their shape tells from their twin, not the format or a check digit."""
     twins = dict((*pairs, *((second, first) for first, second in pairs)))
     return sum(
         grammar is None or grammar.allows(text[:k] + twins[char] + text[k + 1 :])
         for k, char in enumerate(text)
         if char in twins
     )
-
-
-def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) -> float:
-    """Log odds of a text by touch alone, which may have read another one.
-
-    Args:
-        text: text of as many places as touch has read.
-        felt_text: text of touch.
-        felt: posteriors of touch.
-        felt_odds: log odds of the text of touch.
-    """
-    return log_odds(share(felt_odds) * math.exp(-lead_nats(felt, felt_text, text)))
 
 
 class Measures(Mapping[Measure, float]):
@@ -246,11 +216,12 @@ def mean_belief(open_lattice: Lattice | None) -> float | None:
     return float(np.exp(open_lattice.log_belief.max(axis=1)).mean())
 
 
-def photo_measures(photo: Photo | None) -> Group:
-    """Grain and patches of a photograph."""
+def photo_measures(photo: Photo | None, *, darkest: float = 1.0 / 255.0) -> Group:
+    """Grain and patches of a photograph, relative to its median grey, `darkest` at least."""
     if photo is None:
         return {}
-    grey = _evenly_lit(photo)
+    grey = np.asarray(photo.grey(), dtype=np.float64)
+    grey = grey / max(float(np.median(grey)), darkest)
     return {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
 
 
@@ -307,8 +278,3 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
     ]
     known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
     return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else math.nan
-
-
-def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
-    grey = np.asarray(photo.grey(), dtype=np.float64)
-    return grey / max(float(np.median(grey)), darkest)

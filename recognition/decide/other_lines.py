@@ -14,15 +14,14 @@ from recognition.recogniser.read_line import word_gaps
 
 
 def lines_beside(
-    sense: SenseEvidence, settings: DecisionSettings, *, least_serial_evidence: float = -12.0
+    sense: SenseEvidence,
+    settings: DecisionSettings,
+    *,
+    # log probability of the serial's format on a line, below which the line is not the serial. In the exam, 41
+    # second lines of six characters, under a format of eight, have -19.5 at most; their serials have -5.5 at least.
+    least_serial_evidence: float = -12.0,
 ) -> tuple[OtherLine, ...]:
-    """Lines that a sense has read beside the serial.
-
-    Args:
-        least_serial_evidence: log probability of the serial's format on a line, below which the line is not the
-            serial. In the exam, 41 second lines of six characters, under a format of eight, have -19.5 at most; their
-            serials have -5.5 at least.
-    """
+    """Lines that a sense has read beside the serial."""
     if sense.lines is None:
         return ()
     score, lines = score_of(sense.source), list[OtherLine]()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, ReadingFlag, decision_of, flags_of
 from recognition.decide.deferred import deferrable
 from recognition.language.box import Box
-from recognition.language.confusions import PlaceState, state_of
+from recognition.language.confusions import CharacterState, PlaceState, state_of
 from recognition.language.elements import named_fields
 
 if TYPE_CHECKING:
@@ -73,6 +73,10 @@ class CharacterReading:
     def confidence(self) -> float:
         """Probability of the best candidate."""
         return self.candidates[0].probability
+
+    @property
+    def is_unread(self) -> bool:
+        return self.state is not None and self.state.state is CharacterState.NOT_READ
 
     @property
     def margin(self) -> float:
@@ -171,7 +175,6 @@ class Reading:
 
     @property
     def flags(self) -> ReadingFlag:
-        """Flags of all findings."""
         return flags_of(self.findings)
 
     @property
@@ -217,7 +220,6 @@ class Reading:
 
     @property
     def scaled(self) -> bool:
-        """Whether lengths are mm, not pixels of a photograph of unknown scale."""
         return self.unit == "mm"
 
     def __repr__(self) -> str:

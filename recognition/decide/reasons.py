@@ -13,13 +13,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from recognition.decide.decision import MEASURE_FLAGS, Finding, Kind, ReadingFlag
+from recognition.decide.decision import EXPLANATIONS, MEASURE_FLAGS, Finding, Kind, ReadingFlag
 from recognition.language.code_text import holds
 
 if TYPE_CHECKING:
     from recognition import Reading
 
-ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.EXPLANATION)
+ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE) | EXPLANATIONS
 """Doubts about a serial, most important first; a reading reports the first one (`reasons_of`)."""
 
 
@@ -28,9 +28,7 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
     about = ABOUT_SERIAL
     if reading.flags & ReadingFlag.FORMAT_NOT_MET:
         # what is read is clear: doubts under a format that does not fit it are no doubts about the part
-        about &= ~(
-            ReadingFlag.of(Kind.EXPLANATION) | ReadingFlag.LOW_CONFIDENCE | ReadingFlag.FORMAT_OVERRULED
-        )
+        about &= ~(EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE | ReadingFlag.FORMAT_OVERRULED)
     reasons = [findings for flag in about if (findings := _findings(reading, flag))]
     rules = _findings(reading, reading.flags & MEASURE_FLAGS)
     scan = _findings(reading, reading.flags & ~(ABOUT_SERIAL | MEASURE_FLAGS))

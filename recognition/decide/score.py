@@ -31,7 +31,6 @@ from glyphs.errors import MarksError
 from recognition.decide.risk_text import CANNOT_PROMISE, check_risk, risk_in_words
 
 SOURCES = ("tactile", "vision", "fused")
-"""Sources of readings."""
 FITTED = Path(__file__).with_name("score.fit.json")
 DIGITS = 6
 """Decimals of a score in records; certificates are computed from records."""

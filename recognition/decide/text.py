@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from recognition.decide.choice import Choice
 from recognition.decide.evidence import DecisionSettings, Evidence, SenseEvidence
-from recognition.decide.fuse_lattices import fuse_lattices
+from recognition.decide.fuse_lattices import fuse_lattices, odds_by_touch
 from recognition.decide.other_lines import joined_lines, lines_beside
 from recognition.decide.reading import Reading, characters_of
 from recognition.decide.score import log_odds
@@ -65,6 +65,10 @@ def _text_of_both(
     if lattice is None or decoding is None or not decoding.text:
         return replace(felt, open_lattice=open_lattice)
     known = None if settings.grammar is None else settings.grammar.spaces(decoding.text)
+    felt_text, trace = alone["tactile"].plain_text, alone["tactile"].trace
+    by_touch = None
+    if trace.lattice is not None and trace.odds is not None:
+        by_touch = odds_by_touch(decoding.text, felt_text, trace.lattice, trace.odds)
     return Choice(
         (felt.sense, seen.sense),
         lattice=lattice,
@@ -74,6 +78,7 @@ def _text_of_both(
         others=joined_lines(alone["tactile"], alone["vision"]),
         spaces_after=felt.spaces_after if known is None else known,
         odds=None if felt.line is None else log_odds(decoding.probability * felt.line.count_probability),
+        odds_by_touch=by_touch,
     )
 
 

@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 
 from glyphs.errors import MarksError
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.language.confusions import CharacterState, PlaceState, state_of
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -48,7 +48,6 @@ class CharacterCheck:
 
     @property
     def message(self) -> str:
-        """The finding in words."""
         if self.place is None:
             return f"no place was found for {self.state.expected}"
         if self.state.state is CharacterState.NOT_READ and self.state.expected:
@@ -56,8 +55,8 @@ class CharacterCheck:
         return self.state.message
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(OneLine):
     """The verdict and its evidence; the probability is 0 if the number of characters differs."""
 
     expected: str
@@ -66,8 +65,6 @@ class Verification:
     refutation: float
     characters: tuple[CharacterCheck, ...]
     places: int
-
-    __repr__ = one_line
 
     def messages(self) -> tuple[str, ...]:
         """Return the differences in words; of numbers of characters that differ by 2 or more, only those."""
@@ -99,7 +96,6 @@ def verify(
 
     The lattice must have been made without knowledge of the text, and must allow other characters than the
     expected ones. Below a probability of `least`, nothing is confirmed or refuted. Raises VerifyError.
-    Raises VerifyError.
     """
     if lattice is None:
         lattice = Lattice((), np.zeros((0, 0)))

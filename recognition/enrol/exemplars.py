@@ -99,10 +99,7 @@ def _score(cuts: tuple[Cut, ...]) -> float:
 def cut_scan(
     scan: Scan, text: str, *, height_mm: float | None = None, least_likely: float = 0.15
 ) -> tuple[Cut, ...]:
-    """Cut out the characters of a recorded scan, without those of which too little was felt.
-
-    Raises ExemplarError: no text, no heights, or no marks that it fits; MapError: a scan that makes no edge map.
-    """
+    """Cut out the characters of a recorded scan of which enough was felt. Raises ExemplarError, MapError."""
     edges = edge_map(scan)
     relief, plain = relief_of(scan, edges), "".join(text.split())
     if relief is None:
@@ -147,15 +144,15 @@ def _stands_out(strip: Layers) -> bool:
 
 
 def _fit_size(
-    relief: Relief, line: TextLine, places: Floats, raised: bool, *, tolerance: float = 0.1
+    relief: Relief,
+    line: TextLine,
+    places: Floats,  # (n, 2) of its characters, along the line from its start and down from it, mm
+    raised: bool,
+    *,
+    # a character whose ink differs less than this from the median height (share of the line's height) counts as
+    # full height; the others get the median vertical shift
+    tolerance: float = 0.1,
 ) -> tuple[TextLine, Floats]:
-    """Fit the line to the height of its own ink; return it and the middle of every character.
-
-    Args:
-        places: (n, 2) of its characters, along the line from its start and down from it, mm.
-        tolerance: a character whose ink differs less than this from the median height (share of the line's height)
-            counts as full height; the others get the median vertical shift.
-    """
     for _ in range(2):
         height = line.height_mm
         cells = (felt_cell(relief, line, place, raised) for place in places)
@@ -219,10 +216,8 @@ def _over_land(
     rounds: int = 4,
     least_land: int = 60,
 ) -> Floats:
-    """Heights over a bowl fitted to the land: the plate's waves may be as deep as a worn mark.
-
-    A bold character covers more of its cell than it leaves, which a fit by Tukey's weights does not survive.
-    """
+    # over a bowl, as the plate's waves may be as deep as a worn mark; a bold character covers more of its cell than
+    # it leaves, which a fit by Tukey's weights does not survive
     known = np.isfinite(felt)
     if known.sum() < least_land:
         return felt

@@ -176,20 +176,13 @@ def _is_credible(
     hand: Hand,
     shapes: Mapping[str, Patch],
     *,
+    # margin by which it may be more like another character of the nearest font than like its own
     other_character: float = 0.1,
+    # greatest shortfall of its likeness to the nearest font's from the usual one: where that is the die's own font,
+    # a single faint blow teaches nothing, and a broken corner is believed of three
     worn_fall: float = 0.05,
     foreign_fall: float = 0.3,
 ) -> bool:
-    """Whether an exemplar without siblings is credible.
-
-    It must be about as like the nearest font's character as others are, and not more like another one.
-
-    Args:
-        other_character: margin by which an exemplar without siblings may be more like another character of the nearest
-            font than like its own.
-        worn_fall, foreign_fall: greatest shortfall of its likeness to the nearest font's from the usual one: where
-            that is the die's own font, a single faint blow teaches nothing, and a broken corner is believed of three.
-    """
     guess = hand.relief(char, patch.shape)
     if guess is None:
         return True

@@ -94,16 +94,16 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
     return correlations
 
 
-def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0.1) -> Image:
-    """(T, rows, columns) normalised correlation of templates of one size at all positions within an image.
-
-    Layers that are zero everywhere, such as directions that were not felt, are left out of both.
-
-    Args:
-        least_felt: share of a template's amplitude below which a felt pattern counts as land.
-    """
+def correlate(
+    image: Image,
+    templates: Sequence[Image],
+    *,
+    least_felt: float = 0.1,  # share of a template's amplitude below which a felt pattern counts as land
+) -> Image:
+    """(T, rows, columns) normalised correlation of templates of one size at all positions within an image."""
     from glyphs.opencv import cv2
 
+    # layers that are zero everywhere, such as directions that were not felt, are left out of both
     known = np.flatnonzero(np.abs(image).max(axis=(0, 1)))
     if not known.size:
         known = np.arange(1)
@@ -148,10 +148,7 @@ def chain_of(
     # cost of each further character height of land; a clean character of usual width has reward 1
     gap_cost: float = 0.25,
 ) -> tuple[float, tuple[Placed, ...]]:
-    """The chain of characters that explains most of a line, with its total reward.
-
-    If the format fixes the number of characters, it is searched again with the spacing of the most certain ones.
-    """
+    """The chain of characters that explains most of a line, with its total reward."""
     pixels = glyphs.pixels
     share = np.clip(response, 0.0, 1.0) ** 2 - chance**2
     full = glyphs.half_cols.astype(np.float64) * (1.0 - chance**2)
@@ -172,6 +169,7 @@ def chain_of(
     total, placed = best()
     if grammar is None or places is None or not placed:
         return total, placed
+    # searched again with the spacing of the most certain characters
     spacing = usual_spacing(placed, glyphs.chars, font, full=full / usual, gaps=grammar.gaps, pixels=pixels)
     return (total, placed) if spacing is None else best(spacing=spacing)
 

@@ -27,16 +27,11 @@ def depth_glyph(
     face: Face = Face.FLAT,
     *,
     half_wide_heights: float = 1.1,
+    # standard deviation of the smoothing, pixels; of values from 0.5 to 1.3 it is closest to felt depths
     smooth_px: float = 0.8,
     usual_percent: float = 75.0,
 ) -> Glyph:
-    """Depth of a character and its gradient (depth, to the right, downwards).
-
-    Args:
-        smooth_px: standard deviation of the smoothing, pixels; of values from 0.5 to 1.3 it is closest to felt depths.
-
-    Raises FontError or StampError.
-    """
+    """Depth of a character and its gradient (depth, to the right, downwards). Raises FontError or StampError."""
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)
     wide = int(half_wide_heights * PIXELS)

@@ -6,11 +6,12 @@ FaceCosines, recogniser, depths --`recognition.glyph_match.combine`--> the line 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from glyphs.fonts.glyph import Font
 from recognition.glyph_match.combine import (
     NO_FACE,
     LineExperts,
@@ -19,6 +20,8 @@ from recognition.glyph_match.combine import (
     fitted_weights,
 )
 from recognition.glyph_match.face_library import Sense
+from recognition.glyph_match.felt_line import FeltLine
+from recognition.glyph_match.laid_line import depth_likelihoods
 from recognition.glyph_match.prototypes import (
     FeatureMap,
     Floats,
@@ -43,12 +46,10 @@ class FaceCosines:
     values: Floats
 
     def experts(self, network: Lattice) -> LineExperts:
-        """What recogniser and faces say of the line."""
         return LineExperts(network.log_belief, self.values, np.arange(len(self.names)) < self.named)
 
     @property
     def best_named(self) -> int:
-        """Index of the named font that fits best; there must be one."""
         return int(self.fits[: self.named].argmax())
 
     @property
@@ -57,14 +58,15 @@ class FaceCosines:
         return _fits(self.values)
 
 
-Depths = Callable[[Lattice, int], Floats | None]
-"""`(together, font)`: likelihoods of the depths along the characters of a named font."""
-
-
 def read_faces(
-    line: ReadLine, cosines: FaceCosines, sense: Sense, *, depths: Depths | None = None
+    line: ReadLine,
+    cosines: FaceCosines,
+    sense: Sense,
+    *,
+    felt: FeltLine | None = None,
+    fonts: Sequence[Font] = (),
 ) -> ReadLine:
-    """Read a line by recogniser, faces and depths together."""
+    """Read a line by recogniser and faces, and by the depths felt along the named font that fits best."""
     network, weights = line.by_expert["network"], fitted_weights(sense)
     experts = cosines.experts(network)
     belief = believe_faces(experts, weights)
@@ -73,12 +75,10 @@ def read_faces(
         return with_slip(replace(network, log_belief=combine_experts(experts, belief, weights)))
 
     lattice = together(experts)
-    if depths is not None and cosines.named:
+    if felt is not None and cosines.named:
         best = cosines.best_named
-        felt = replace(
-            experts, depths=depths(lattice, best), depth_face=np.arange(len(cosines.names)) == best
-        )
-        lattice = together(felt)
+        depths = depth_likelihoods(lattice, felt, fonts[best])
+        lattice = together(replace(experts, depths=depths, depth_face=np.arange(len(cosines.names)) == best))
     probabilities = dict(zip((*cosines.names, NO_FACE), belief.faces.tolist(), strict=True))
     return line.with_faces(probabilities, replace(network, log_belief=np.minimum(belief.log, 0.0)), lattice)
 

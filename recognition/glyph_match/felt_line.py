@@ -119,7 +119,6 @@ class FeltLine:
 
     @cached_property
     def strip(self) -> DepthStrip:
-        """The depths along the line."""
         zoom = PIXELS / HEIGHT_ROWS
         rows = round(2.4 * PIXELS) | 1
         strip = self.view.strip(self.line, rows=rows / zoom, margin=BESIDE_HEIGHTS, zoom=zoom)
@@ -128,7 +127,6 @@ class FeltLine:
 
     @property
     def depth_mm(self) -> float:
-        """Depth of the line's marks."""
         return self.strip.usual * self.strip.noise * self.line.height_mm
 
     def at_height(self, height_mm: float) -> FeltLine:
@@ -251,19 +249,17 @@ def felt_line(
     least_gain: float = 0.08,
     factors: Sequence[float] = (0.87, 0.76, 0.66, 0.57),
 ) -> FeltLine:
-    """Find whether the marks of a line are sunk or raised, and the height at which its text fits some font best.
-
-    The recogniser also reads a line that was found half too high, but then the strokes miss the grooves. Sunk marks are
-    tried first: raised ones are rare, and text that was read badly under dirt fits neither way.
-    """
+    """Find whether the marks of a line are sunk or raised, and the height at which its text fits some font best."""
 
     def best_correlation(candidate: FeltLine) -> float:
         return max((candidate.mean_correlation(text, font) for font in fonts), default=0.0)
 
+    # raised marks are rare, and text that was read badly under dirt fits neither way
     sunk, raised = (FeltLine(view, line, columns, out) for out in (False, True))
     best, most = sunk, best_correlation(sunk)
     if most < good_fit and (ridges := best_correlation(raised)) > max(most, LEAST_FIT):
         best, most = raised, ridges
+    # the recogniser also reads a line that was found half too high, but then the strokes miss the grooves
     as_found, least = best, most + least_gain
     for factor in factors if most < good_fit else ():
         tried = as_found.at_height(factor * line.height_mm)

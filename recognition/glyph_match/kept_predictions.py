@@ -32,9 +32,9 @@ MOST_BYTES = 200_000_000
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def kept(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
+def load_or_predict(made_of: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
     """Return the arrays of `make`, from the disk if they were made before of the same; the program counts, too."""
-    folder = folder_of(kept)
+    folder = folder_of(load_or_predict)
     if folder is None:
         return make()
     path = folder / f"predicted-{_digest(made_of)}.npz"

@@ -21,10 +21,7 @@ from recognition.language.lattice import Lattice
 def depth_likelihoods(
     together: Lattice, felt: FeltLine, font: Font, *, least_probability: float = 1e-3
 ) -> Floats | None:
-    """(places, C) log likelihoods of the depths along a font's characters; None if none could be compared.
-
-    Only places where several characters are likely are compared; NaN at others, and for unlikely characters.
-    """
+    """(places, C) log likelihoods of the depths along likely characters, else NaN; None if nothing is doubtful."""
     belief = np.exp(together.log_belief)
     has = np.array([char in font.glyphs for char in together.chars])
     likely_chars = (belief >= least_probability) & has

@@ -25,7 +25,7 @@ from glyphs.soiling.coat import Look
 from glyphs.stamping.die import die_glyph, shape_relief_mm
 from glyphs.stamping.faces import Die, Face, default_depth_mm, default_die
 from glyphs.surface.maps import HeightMap
-from recognition.glyph_match.kept_predictions import Arrays, kept
+from recognition.glyph_match.kept_predictions import Arrays, load_or_predict
 from recognition.see.text_line import TextLine
 from recognition.see.view import (
     DIRECTIONS,
@@ -66,7 +66,6 @@ class TemplateKey:
     die: Die
 
     def touch(self) -> Touch:
-        """The whisker scaled to the canonical height."""
         return Touch(
             tip=TipModel(np.array(self.compliance).reshape(3, 3), np.array(self.arm)),
             preload_mm=self.preload * CANONICAL_HEIGHT_MM,
@@ -202,7 +201,7 @@ def lit_views(
 
 def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
     """Feel the ideal plate of a font's characters and cut out the cells. Raises FontError or StampError."""
-    arrays = kept(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
+    arrays = load_or_predict(("felt", *map(font.glyph, chars), key), lambda: _feel(font, chars, key))
     x_mm, y_mm, pitch_mm = arrays["grid"].tolist()
     return TemplateSet(
         chars=tuple(chars),
@@ -244,18 +243,12 @@ def sunk_relief_mm(
 ) -> NDArray[np.float32]:
     """Sunk relief of one glyph of CANONICAL_HEIGHT_MM at offsets (u right, v up) from its reference point, mm."""
     if shape.relief is not None:
-        return _felt_relief(shape.relief, u, v)
+        from scipy import ndimage
+
+        felt, pixel = shape.relief, CANONICAL_HEIGHT_MM / RELIEF_PIXELS
+        pixels = np.broadcast_arrays(felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel)
+        relief = ndimage.map_coordinates(felt, pixels, order=1, mode="constant")
+        return np.asarray(relief * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)
     x0, _, x1, _ = (edge * CANONICAL_HEIGHT_MM for edge in shape.ink_box)
     offsets = u + 0.5 * (x0 + x1), v + 0.5 * CANONICAL_HEIGHT_MM
     return shape_relief_mm(shape, die, *offsets, height_mm=CANONICAL_HEIGHT_MM)
-
-
-def _felt_relief(
-    felt: NDArray[np.float32], u: NDArray[np.floating], v: NDArray[np.floating]
-) -> NDArray[np.float32]:
-    from scipy import ndimage
-
-    pixel = CANONICAL_HEIGHT_MM / RELIEF_PIXELS
-    pixels = np.broadcast_arrays(felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel)
-    relief = ndimage.map_coordinates(felt, pixels, order=1, mode="constant")
-    return np.asarray(relief * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import default_die
-from recognition.glyph_match.kept_predictions import kept
+from recognition.glyph_match.kept_predictions import load_or_predict
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     TemplateSet,
@@ -76,7 +76,6 @@ class Prototypes:
     half: Features
 
     def of(self, faces: NDArray[np.intp]) -> Prototypes:
-        """Only these faces."""
         return Prototypes(
             tuple(self.names[k] for k in faces), self.chars, self.numbers[faces], self.half[faces]
         )
@@ -95,7 +94,7 @@ def felt_prototypes(templates: TemplateSet, map: FeatureMap, name: str) -> Proto
 
     def make() -> Prototypes:
         view, where = templates.view, (templates.middles_mm, templates.half_width)
-        arrays = kept(
+        arrays = load_or_predict(
             ("felt", view.layers, view.pitch_mm, *where, map), lambda: _prototypes([view], *where, map)
         )
         return Prototypes((name,), templates.chars, **arrays)
@@ -114,7 +113,7 @@ def lit_prototypes(
         return _prototypes(lit_views(plate, lights), plate.middles_mm, plate.half_width, map)
 
     die = default_die(CANONICAL_HEIGHT_MM, font=font)
-    arrays = kept(("lit", *(font.glyph(char) for char in chars), die, *lights, map), make)
+    arrays = load_or_predict(("lit", *(font.glyph(char) for char in chars), die, *lights, map), make)
     return Prototypes((font.name,), tuple(chars), **arrays)
 
 

@@ -60,12 +60,10 @@ class Automaton:
 
     @property
     def empty(self) -> bool:
-        """Whether no string is allowed."""
         return not self.steps or self.steps[0].shape[0] == 0
 
     @cached_property
     def places(self) -> tuple[str, ...]:
-        """The characters that occur at each place of some string."""
         return tuple(
             "".join(self.chars[k] for k in np.flatnonzero((step >= 0).any(axis=0))) for step in self.steps
         )
@@ -158,25 +156,20 @@ class WordList:
 
     @cached_property
     def codes(self) -> Places:
-        """(words, places) int64 indices of the characters."""
         return encode(self.words, self.chars)
 
     @property
     def empty(self) -> bool:
-        """Whether no string is allowed."""
         return not self.words
 
     @cached_property
     def places(self) -> tuple[str, ...]:
-        """The characters that occur at each place of some string."""
         return tuple("".join(self.chars[k] for k in np.unique(column)) for column in self.codes.T)
 
     def log_mass(self, log_belief: Beliefs) -> float:
-        """As `Automaton.log_mass`."""
         return float(_log_sum(self._scores(log_belief), axis=0)) if self.words else -np.inf
 
     def log_marginals(self, log_belief: Beliefs) -> Beliefs:
-        """As `Automaton.log_marginals`."""
         out: Beliefs = np.full(log_belief.shape, -np.inf)
         if self.words:
             scores = self._scores(log_belief)
@@ -185,7 +178,6 @@ class WordList:
         return out
 
     def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
-        """As `Automaton.best`."""
         if not self.words:
             return
         scores = self._scores(log_belief)
@@ -199,7 +191,6 @@ class WordList:
 
 
 Strings = Automaton | WordList
-"""Allowed strings of one length, as an automaton or as a list."""
 
 
 def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:

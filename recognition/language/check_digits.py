@@ -36,7 +36,6 @@ from glyphs.fonts.serials import FormatError
 from recognition.language.remainders import REMAINDERS, Remainder
 
 CHECK_DIGITS = (*REMAINDERS, "stdnum:NAME")
-"""The built-in rules."""
 _FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
 
 
@@ -108,15 +107,12 @@ class CheckDigit:
         return bool(self.accepts(len(text))[state])
 
     def start(self, n_places: int) -> int:
-        """See `automaton.Machine`."""
         return self._rule().first
 
     def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        """See `automaton.Machine`."""
         return _table(self, place, n_places, chars)
 
     def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        """See `automaton.Machine`."""
         rule, looked_at = self._rule(), self._looked_at(n_places)
         good = np.zeros(rule.modulus, dtype=bool)
         if looked_at >= rule.least_places and rule.length in (None, looked_at):

@@ -73,7 +73,6 @@ class PlaceState:
 
     @property
     def message(self) -> str:
-        """The state in words."""
         match self.state:
             case CharacterState.READ:
                 return f"{self.char} is read"
@@ -90,21 +89,17 @@ def state_of(
     probabilities: Mapping[str, float],
     *,
     expected: str | None = None,
+    # least probability of the best character, and its least lead over the second, for a place to count as read;
+    # acceptance of the reading has thresholds of its own
     read_belief: float = 0.5,
     read_margin: float = 0.3,
     nothing_belief: float = 0.5,
     share_of_first: float = 0.25,
     mismatch_share: float = 0.1,
 ) -> PlaceState:
-    """Return the state of a place.
+    """Return the state of a place; `expected` is "" where no character is. Raises ValueError.
 
-    The rest of the probabilities to 1 is "no character"; in a tie the first wins. `expected` is "" where none is.
-
-    Args:
-        read_belief, read_margin: least probability of the best character, and its least lead over the second, for a
-            place to count as read. Acceptance of the reading has thresholds of its own.
-
-    Raises ValueError.
+    The rest of the probabilities to 1 is "no character"; in a tie the first wins.
     """
     total = math.fsum(probabilities.values())
     if not total <= 1.0 + 1e-6 or any(not p >= 0.0 for p in probabilities.values()):

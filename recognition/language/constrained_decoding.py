@@ -27,7 +27,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.language.check_digits import blind_pairs
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -44,8 +44,8 @@ class Rival:
     probability: float
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Choice(OneLine):
     """The best text of a lattice under a grammar, and its rivals; one character per place, without blanks."""
 
     text: str
@@ -62,26 +62,20 @@ class Choice:
     valid_mass: float
     exhausted: bool = False
 
-    __repr__ = one_line
-
     def place(self, k: int) -> dict[str, float]:
         """Probability of each character at a place, best first, without zeros."""
         order = np.argsort(-self.places[k], kind="stable")
         return {self.chars[c]: float(self.places[k, c]) for c in order if self.places[k, c] > 0.0}
 
 
+# cached: a part is decided on several times, by the camera's own look, by touch alone, and with its expected text
+@lru_cache(maxsize=32)
 def choose(
     lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = 2_000
 ) -> Choice:
-    """Find the best strings that the grammar allows (cached), and their probabilities. Raises ValueError."""
+    """Find the best strings that the grammar allows, and their probabilities. Raises ValueError."""
     if k < 1 or most_tests < 1:
         raise ValueError(f"k is {k} and most_tests is {most_tests}; both must be at least 1")
-    return _choose(lattice, grammar, k, most_tests)
-
-
-# a part is decided on several times: by the camera's own look, by touch alone, and with its expected text
-@lru_cache(maxsize=32)
-def _choose(lattice: Lattice, grammar: Grammar | None, k: int, most_tests: int) -> Choice:
     log, chars, n = lattice.log_belief, lattice.chars, lattice.n_places
     grammar = grammar if grammar is not None else Grammar(alphabet="".join(chars))
     strings = grammar.strings(n, chars) if n and chars else None

@@ -25,7 +25,6 @@ from glyphs.fonts.serials import FormatError
 
 Chars: TypeAlias = frozenset[str]
 MOST_LENGTH = 500
-"""Most characters of an expression."""
 MOST_PLACES = 64
 """Longest serial that is considered."""
 MOST_CHARACTERS = 200
@@ -66,15 +65,12 @@ class ExpressionMachine:
     final: NDArray[np.bool_]
 
     def start(self, n_places: int) -> int:
-        """The state before the first character."""
         return 0
 
     def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        """(states, C): the same at every place, for the characters of the machine."""
         return self.next_state
 
     def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        """(states,): whether the text may end in this state."""
         return self.final
 
     def lengths(self) -> frozenset[int]:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.language.box import Box, hull
 
 
-@dataclass(frozen=True, eq=False)
-class Lattice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Lattice(OneLine):
     """Posteriors of the characters at each place. Raises ValueError.
 
     Attributes:
@@ -23,8 +23,6 @@ class Lattice:
     chars: tuple[str, ...]
     log_belief: NDArray[np.float64]
     boxes: tuple[Box, ...] = ()
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         log = np.array(self.log_belief, dtype=np.float64)
@@ -41,7 +39,6 @@ class Lattice:
 
     @property
     def n_places(self) -> int:
-        """Number of places of the line."""
         return int(self.log_belief.shape[0])
 
     @property

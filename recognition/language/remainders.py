@@ -69,10 +69,8 @@ def pure_system(
 
 
 def hybrid_system(alphabet: str) -> Remainder:
-    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, valid if it ends at 1.
-
-    The start is M / 2, which doubled is M, the value that ISO 7064 starts with.
-    """
+    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, valid if it ends at 1."""
+    # it starts at M / 2, which doubled is M, the value that ISO 7064 starts with
     m = len(alphabet)
     held = np.array([m, *range(1, m)])
     return Remainder(
@@ -116,4 +114,3 @@ REMAINDERS = {
     "iso7064mod11_10": hybrid_system(DIGITS),
     "iso7064mod37_36": hybrid_system(ALPHANUMERIC),
 }
-"""Rules by name."""

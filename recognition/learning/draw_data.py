@@ -35,14 +35,12 @@ _log = logging.getLogger(__name__)
 def draw_file(
     fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int, *, fonts_of_a_file: int = 16
 ) -> None:
-    """Draw a file of strips, and of views for parts ("seen", "held"; "sketched" has none), unless the last exists.
-
-    A file has few fonts: loading the outlines of a font takes longer than drawing a part.
-    """
+    """Draw a file of strips, and of views for parts ("seen", "held"; "sketched" has none), unless the last exists."""
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
     if (out / ("strips" if sketched else "views") / kind / name).exists():
         return
     rng = np.random.default_rng((seed, number, 1) if sketched else (seed, number))
+    # loading the outlines of a font takes longer than drawing a part
     few = [fonts[i] for i in rng.integers(len(fonts), size=fonts_of_a_file)]
     strips: list[TrainingStrip] = []
     views: list[TrainingView] = []

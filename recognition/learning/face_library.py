@@ -50,7 +50,6 @@ CHARS = ALPHANUMERIC + SIGNS
 COMPARED = "0123456789ABCEGJKMQRSW"
 """Characters by which faces are compared."""
 FREE = re.compile(r"(SIL[- ])?OFL|sil-1|SIL Open|Apache|public-domain|CC0", re.I)
-"""Licences of the faces of the library."""
 Floats = NDArray[np.float64]
 Plate = tuple[Features, Floats, Features]
 """Features of a plate, columns of its characters, and half the widths of their windows."""

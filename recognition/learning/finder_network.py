@@ -59,6 +59,5 @@ class Finder(nn.Module):
         return self.read(self.normalise(view))
 
     def read(self, normal: Tensor) -> Tensor:
-        """The same for a normalised view."""
         outputs: Tensor = self.head(self.body(normal)).float()
         return outputs

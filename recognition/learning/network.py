@@ -94,7 +94,6 @@ class Recogniser(nn.Module):
         return self.read(self.normalise(strip))
 
     def read(self, normal: Tensor) -> Tensor:
-        """The same for a normalised strip."""
         rows, columns = normal.shape[2:]
         size = (PICTURE_ROWS, columns * PICTURE_ROWS // rows)
         picture = f.interpolate(self.first(normal), size=size, mode="bilinear", align_corners=False)

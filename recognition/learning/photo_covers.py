@@ -23,6 +23,8 @@ from recognition.see.view import GREY, KNOWN
 Grey = NDArray[np.float32]
 _FINE = 4
 """Times that swarf, drops and scratches are drawn larger than the strip, for smooth edges."""
+_HEIGHT = HEIGHT_ROWS * _FINE
+"""Pixels per character height at which they are drawn."""
 
 
 def cover_photos(
@@ -30,12 +32,9 @@ def cover_photos(
 ) -> list[TrainingStrip]:
     """Cover a share of the photographs among strips with one to `most` things."""
     return [
-        _cover(strip, rng, most) if _is_photo(strip) and rng.random() < share else strip for strip in strips
+        _cover(strip, rng, most) if strip.layers[GREY].any() and rng.random() < share else strip
+        for strip in strips
     ]
-
-
-def _is_photo(strip: TrainingStrip) -> bool:
-    return bool(strip.layers[GREY].any())
 
 
 def _cover(strip: TrainingStrip, rng: np.random.Generator, most: int) -> TrainingStrip:
@@ -61,20 +60,19 @@ def _spot(mask: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.float
 
 
 def _curls(grey: Grey, rng: np.random.Generator) -> Grey:
-    size = HEIGHT_ROWS * _FINE
     for _ in range(int(rng.integers(1, 5))):
         dark, bright = _blank(grey), _blank(grey)
-        turns, length = rng.uniform(0.4, 3.0), rng.uniform(0.3, 2.0) * size
+        turns, length = rng.uniform(0.4, 3.0), rng.uniform(0.3, 2.0) * _HEIGHT
         along = np.linspace(0.0, 1.0, 60)
         angle = 2 * np.pi * (turns * along + rng.random())
-        radius = rng.uniform(0.06, 0.35) * size * (1.0 + 0.5 * (along - 0.5))
+        radius = rng.uniform(0.06, 0.35) * _HEIGHT * (1.0 + 0.5 * (along - 0.5))
         way = rng.uniform(0.0, 2 * np.pi)
         middle = _spot(dark, rng) + (along - 0.5)[:, None] * length * np.array([np.cos(way), np.sin(way)])
         points = middle + radius[:, None] * np.stack(
             [np.cos(angle), rng.uniform(0.3, 1.0) * np.sin(angle)], axis=1
         )
         line = np.round(points).astype(np.int32)
-        wide = max(2, round(rng.uniform(0.03, 0.12) * size))
+        wide = max(2, round(rng.uniform(0.03, 0.12) * _HEIGHT))
         cv2.polylines(dark, [line], False, 255, wide, cv2.LINE_AA)
         cv2.polylines(bright, [line - max(1, wide // 4)], False, 255, max(1, wide // 3), cv2.LINE_AA)
         grey = _put(grey, dark, float(rng.uniform(0.02, 0.5)))
@@ -83,32 +81,30 @@ def _curls(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _chips(grey: Grey, rng: np.random.Generator) -> Grey:
-    size = HEIGHT_ROWS * _FINE
     for _ in range(int(rng.integers(2, 12))):
         mask = _blank(grey)
         corners = np.sort(rng.uniform(0.0, 2 * np.pi, int(rng.integers(3, 7))))
-        reach = rng.uniform(0.02, 0.16) * size * rng.uniform(0.5, 1.3, len(corners))
+        reach = rng.uniform(0.02, 0.16) * _HEIGHT * rng.uniform(0.5, 1.3, len(corners))
         middle = _spot(mask, rng)
         points = middle + reach[:, None] * np.stack(
             [np.cos(corners), rng.uniform(0.3, 1.0) * np.sin(corners)], axis=1
         )
         shadow = _blank(grey)
-        cv2.fillPoly(shadow, [np.round(points + rng.uniform(-0.03, 0.03, 2) * size).astype(np.int32)], 160)
+        cv2.fillPoly(shadow, [np.round(points + rng.uniform(-0.03, 0.03, 2) * _HEIGHT).astype(np.int32)], 160)
         cv2.fillPoly(mask, [np.round(points).astype(np.int32)], 255, cv2.LINE_AA)
         grey = _put(_put(grey, shadow, 0.05), mask, float(rng.uniform(0.1, 1.0)))
     return grey
 
 
 def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
-    size = HEIGHT_ROWS * _FINE
     rows, columns = np.indices(grey.shape, dtype=np.float32)
     for _ in range(int(rng.integers(1, 6))):
         mask, rim = _blank(grey), _blank(grey)
-        middle, radius = _spot(mask, rng), rng.uniform(0.08, 0.45) * size
+        middle, radius = _spot(mask, rng), rng.uniform(0.08, 0.45) * _HEIGHT
         axes = (round(radius), round(radius * rng.uniform(0.6, 1.0)))
         centre = (round(middle[0]), round(middle[1]))
         cv2.ellipse(mask, centre, axes, 0.0, 0.0, 360.0, 255, -1, cv2.LINE_AA)
-        cv2.ellipse(rim, centre, axes, 0.0, 0.0, 360.0, 180, max(1, round(0.02 * size)), cv2.LINE_AA)
+        cv2.ellipse(rim, centre, axes, 0.0, 0.0, 360.0, 180, max(1, round(0.02 * _HEIGHT)), cv2.LINE_AA)
         x, y = (float(place) for place in middle / _FINE)
         magnified = float(rng.uniform(0.6, 0.95))
         below_x = np.asarray(x + (columns - x) * magnified, dtype=np.float32)
@@ -127,12 +123,11 @@ def _drops(grey: Grey, rng: np.random.Generator) -> Grey:
 
 
 def _scratches(grey: Grey, rng: np.random.Generator) -> Grey:
-    size = HEIGHT_ROWS * _FINE
     mask, tilt = _blank(grey), rng.normal(0.0, 0.12)
     for _ in range(int(rng.integers(2, 14))):
-        start, length = _spot(mask, rng), rng.uniform(0.5, 6.0) * size
+        start, length = _spot(mask, rng), rng.uniform(0.5, 6.0) * _HEIGHT
         end = start + length * np.array([1.0, tilt + rng.normal(0.0, 0.04)])
-        wide = max(1, round(rng.uniform(0.01, 0.05) * size))
+        wide = max(1, round(rng.uniform(0.01, 0.05) * _HEIGHT))
         cv2.line(
             mask,
             np.round(start).astype(int).tolist(),

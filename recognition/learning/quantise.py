@@ -24,10 +24,7 @@ LAST = 3
 
 
 def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> None:
-    """Write a network with eight-bit convolutions, scaled by (LAYERS, ROWS, columns) strips of all kinds.
-
-    Weights use only seven bits: on some processors sums of eight-bit products overflow.
-    """
+    """Write a network with eight-bit convolutions, scaled by (LAYERS, ROWS, columns) strips of all kinds."""
     import onnx
     from onnxruntime.quantization import (
         CalibrationDataReader,
@@ -53,7 +50,7 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
             Reader(),
             quant_format=QuantFormat.QDQ,
             per_channel=True,
-            reduce_range=True,
+            reduce_range=True,  # weights of seven bits: on some processors sums of eight-bit products overflow
             weight_type=QuantType.QInt8,
             activation_type=QuantType.QUInt8,
             op_types_to_quantize=["Conv"],

@@ -28,12 +28,13 @@ _H = HEIGHT_ROWS * _FINE
 
 
 def sketch_strips(
-    fonts: Sequence[Path], rng: np.random.Generator, *, printed: float = 0.25
+    fonts: Sequence[Path],
+    rng: np.random.Generator,
+    *,
+    # share of the second photographs in plain print, as the public network learned it: so it forgets no letters
+    printed: float = 0.25,
 ) -> list[TrainingStrip]:
-    """Strips of a line as felt or measured, and twice as photographed. Raises MarksError: draw again.
-
-    A share of the second photographs is in plain print, as the public network learned it: so it forgets no letters.
-    """
+    """Strips of a line as felt or measured, and twice as photographed. Raises MarksError: draw again."""
     font = draw_font(fonts, rng)
     text = "".join(map(str, rng.integers(0, 10, 6))) if rng.random() < 0.12 else draw_text(font, rng)
     line = sketch(font, text, rng)

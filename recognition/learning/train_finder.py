@@ -43,9 +43,7 @@ _MUST_FIND = 0.45
 _MAY_FIND = 0.75
 """Difference between the heights of a line and of the scale up to which the line may be found, octaves."""
 _HELD = 240
-"""Maximum number of views to measure on."""
 _FILES = 24
-"""Files read at a time."""
 _WINDOWS = 4
 """Windows drawn from each view before the next files are read."""
 

@@ -41,7 +41,6 @@ SCORE_FAMILIES = (
 )  # fmt: skip
 """The same, for the fit of the score: on fonts that the recogniser has learned it would be too sure of itself."""
 MOST_OF_A_FAMILY = 8
-"""Maximum number of files of a family."""
 _NOT_LETTERS = re.compile(
     r"symbol|dingbat|emoji|math|icons?|braille|ornament|initial|border|music|chess|barcode|dseg|lastresort|smallcap|^alfa|^ellen|^elleb|d050000l|abogado|ocrb[ef]$|wasn_t|solidemirage|abecedario|ecolier|caps\b",
     re.I,
@@ -49,7 +48,6 @@ _NOT_LETTERS = re.compile(
 
 
 _FONTSOURCE = re.compile(r"(?P<family>.+)-latin-\d+-(normal|italic)")
-"""Names of the files of Fontsource's packages."""
 
 
 @dataclass(frozen=True)

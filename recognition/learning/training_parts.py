@@ -166,14 +166,10 @@ def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> S
 
 
 def draw_touch(height_mm: float, rng: np.random.Generator, *, usual: float = 0.4, worn: float = 0.4) -> Touch:
-    """Draw a whisker and its preload for characters of a height.
-
-    Args:
-        usual: share of touches with the default whisker; the others range from nearly straight ones to feet of a
-            third of the beam, with sensors from the clamp down to the foot, at preloads of half to one and a half of
-            the default.
-    """
+    """Draw a whisker and its preload for characters of a height; a share of touches has the `usual` whisker."""
     touch = default_touch(height_mm)
+    # the others range from nearly straight ones to feet of a third of the beam, with sensors from the clamp down to
+    # the foot, at preloads of half to one and a half of the default
     if rng.random() >= usual:
         whisker = default_whisker(height_mm)
         foot_mm = whisker.l1_mm * float(np.exp(rng.uniform(np.log(0.03), np.log(0.33))))

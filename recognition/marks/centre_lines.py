@@ -37,19 +37,11 @@ def centre_line(
     face: Face = Face.FLAT,
     step_heights: float = 0.025,
     ridge_pitch_heights: float = 0.02,
+    # minimum half width of an outline's limbs, as a share of the median: thinner ones are corners, and serifs too
+    # thin for a tip
     ridge_share: float = 0.85,
 ) -> CentreLine:
-    """The centre line of a font's character; without points if it has no ink.
-
-    Half a stroke's width is left out at both ends of a stroke: dies are rounded there, and a small error of pose or
-    size would put the ends beside the groove.
-
-    Args:
-        ridge_share: minimum half width of an outline's limbs, as a share of the median: thinner ones are corners, and
-            serifs too thin for a tip.
-
-    Raises FontError or StampError.
-    """
+    """The centre line of a font's character; without points if it has no ink. Raises FontError or StampError."""
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)
     if not shape.inked:
@@ -57,6 +49,8 @@ def centre_line(
     if shape.contours:
         points, normals, half = _ridge(shape, pitch=ridge_pitch_heights, share=ridge_share)
     else:
+        # half a stroke's width is left out at both ends: dies are rounded there, and a small error of pose or size
+        # would put the ends beside the groove
         half = 0.5 * shape.stroke
         parts = [_points_along(stroke, trim=half, step=step_heights) for stroke in shape.strokes]
         points, normals = (np.concatenate(part) for part in zip(*parts, strict=True))

@@ -103,10 +103,8 @@ def mark_depths(
 
 
 def depth_bias_mm(face: Face, height_mm: float) -> float:
-    """Usual error of the depths of a clean mark, interpolated in the table of this module.
-
-    0 for sharp and dotted faces: the error of a V depends on the tip of its die, and never makes it deeper.
-    """
+    """Usual error of the depths of a clean mark, interpolated in the table of this module; 0 for other faces."""
+    # the error of a V depends on the tip of its die, and never makes it deeper
     return float(1e-3 * np.interp(height_mm, BIAS_HEIGHTS_MM, BIAS_UM[face])) if face in BIAS_UM else 0.0
 
 

@@ -78,17 +78,14 @@ class MarkGrade:
 
     @property
     def worst(self) -> Parameter:
-        """The parameter that decides the grade; the first of equal ones."""
         return min(self.parameters, key=lambda p: p.grade)
 
     @property
     def grade(self) -> int:
-        """4 to 0, the worst of the parameters."""
         return self.worst.grade
 
     @property
     def letter(self) -> str:
-        """A to F."""
         return LETTERS[self.grade]
 
     @property

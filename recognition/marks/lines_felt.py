@@ -32,7 +32,6 @@ class LackingLines:
 
     @property
     def axis(self) -> str:
-        """The missing lines in words."""
         return "along x" if self.along_x else "along y"
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from glyphs.fonts.glyph import Font
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.pose import Floats
 from recognition.glyph_match.predicted import TemplateSet
@@ -44,25 +44,21 @@ class MarkFonts:
 
     @property
     def every(self) -> tuple[Font, ...]:
-        """All fonts."""
         return (*self.fonts, *self.stand_ins)
 
 
-@dataclass(frozen=True, eq=False)
-class Marks:
+@dataclass(frozen=True, eq=False, repr=False)
+class Marks(OneLine):
     """The felt marks of a line; characters with clipped samples, (n, 2) x, y, have no depth."""
 
     felt: FeltLine
     relief: Relief
     fonts: MarkFonts
-    clipped_mm: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    samples: int = 0
+    clipped_mm: Floats
+    samples: int
     _known: dict[tuple[str, ...], TextMarks] = field(default_factory=dict, init=False, repr=False)
 
-    __repr__ = one_line
-
     def of_text(self, text: Sequence[str], boxes: Sequence[Box]) -> TextMarks:
-        """The marks of a text; the same is measured once."""
         chars = tuple(text)
         if chars not in self._known:
             self._known[chars] = TextMarks(self, chars, tuple(boxes))
@@ -74,8 +70,8 @@ class Marks:
         return StrokeSurface(self.felt.strip)
 
 
-@dataclass(frozen=True, eq=False)
-class TextMarks:
+@dataclass(frozen=True, eq=False, repr=False)
+class TextMarks(OneLine):
     """The marks of a text; each of them is measured when it is first needed."""
 
     marks: Marks
@@ -84,8 +80,6 @@ class TextMarks:
     _strokes: dict[tuple[Lattice, float], tuple[PlaceStrokes, ...]] = field(
         default_factory=dict, init=False, repr=False
     )
-
-    __repr__ = one_line
 
     @cached_property
     def whole(self) -> tuple[bool, ...]:
@@ -110,7 +104,6 @@ class TextMarks:
 
     @property
     def other_font_fits_better(self) -> bool:
-        """Whether the marks fit another font clearly better than the named ones."""
         if not self.marks.fonts.stand_ins or self.laid is None or self.along is None:
             return False
         return self.laid.font.name != self.along.font.name
@@ -129,7 +122,6 @@ class TextMarks:
 
     @property
     def font_fits(self) -> bool:
-        """Whether the font of `along` fits the marks."""
         return self._depths is None or self._depths.font_fits
 
     @cached_property
@@ -169,45 +161,35 @@ class TextMarks:
 
     def strokes(self, lattice: Lattice, *, slope: float) -> tuple[PlaceStrokes, ...]:
         """Felt strokes of the text and its rivals, place by place, by the score's `slope`; empty if unknown."""
+        if self.laid is None:
+            return ()
         key = lattice, slope
         if key not in self._strokes:
-            laid = self.laid
-            self._strokes[key] = (
-                () if laid is None else strokes_of(laid, lattice, slope=slope, surface=self.marks.surface)
-            )
+            self._strokes[key] = strokes_of(self.laid, lattice, slope=slope, surface=self.marks.surface)
         return self._strokes[key]
 
     def has_strokes(self, lattice: Lattice | None) -> bool:
-        """Whether strokes of the text and its rivals can be compared."""
         same_places = lattice is not None and lattice.n_places == len(self.text)
         return same_places and can_be_laid(self.marks.felt, self.text, self.marks.fonts.every)
 
-    @property
-    def nothing_covered(self) -> bool:
-        """Whether every stroke of any character could be felt, so that none of a rival is hidden."""
-        return self.marks.surface.is_open
 
-
-def measure(
-    view: View, line: ReadLine, fonts: MarkFonts, *, clipped_mm: Floats | None = None
-) -> Marks | None:
+def measure(view: View, line: ReadLine, fonts: MarkFonts, *, clipped_mm: Floats) -> Marks | None:
     """Find side, height and pose of the marks along a line; None without heights."""
     if view.relief is None or view.edges is None:
         return None
     felt = felt_line(view, line.line, line.columns, line.lattice.text, fonts.every)
-    clipped = np.zeros((0, 2)) if clipped_mm is None else clipped_mm
-    return Marks(felt, view.relief, fonts, clipped, int(view.edges.valid.sum()))
+    return Marks(felt, view.relief, fonts, clipped_mm, int(view.edges.valid.sum()))
 
 
 def _clipped_places(
-    marks: Marks, boxes: Sequence[Box], *, few: int = 3, land_share: float = 0.01
+    marks: Marks,
+    boxes: Sequence[Box],
+    *,
+    few: int = 3,
+    # clipped samples outside of the characters, as a share of all samples, from which the level of the land, and so
+    # every depth, is not trusted
+    land_share: float = 0.01,
 ) -> frozenset[int]:
-    """Places with clipped samples; all of them if the land is clipped as well.
-
-    Args:
-        land_share: clipped samples outside of the characters, as a share of all samples, from which the level of the
-            land, and so every depth, is not trusted.
-    """
     if not len(marks.clipped_mm):
         return frozenset()
     corners = np.array([(box.x0_mm, box.y0_mm, box.x1_mm, box.y1_mm) for box in boxes]).reshape(-1, 2, 2)

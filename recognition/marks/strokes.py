@@ -247,18 +247,12 @@ def reject_false_lines(
     main: FeltLine,
     fonts: Sequence[Font],
     *,
+    # minimum depth, as a share of the serial's. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46.
     least_depth: float = 0.25,
+    # minimum share of the strokes that was felt, mean of the characters: those lines had at least 0.8
     least_felt: float = 0.5,
 ) -> PartLines:
-    """Drop unassigned lines that do not feel like marks: dirt beside the serial is sometimes read as text.
-
-    A line of text is about as deep as the serial, and the surface is deep where its characters have strokes.
-
-    Args:
-        least_depth: minimum depth, as a share of the serial's. Of 36 second lines of the exam, at any dirt, the
-            shallowest had 0.46.
-        least_felt: minimum share of the strokes that was felt, mean of the characters: those lines had at least 0.8.
-    """
+    """Drop unassigned lines that do not feel like marks: dirt beside the serial is sometimes read as text."""
 
     def is_felt(read: ReadLine) -> bool:
         lattice, columns = read.open_places

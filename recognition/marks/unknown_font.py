@@ -42,7 +42,6 @@ class LineDepths:
 
     @cached_property
     def font_fits(self) -> bool:
-        """Whether the line's font is that of the part."""
         if not self.named:
             return self.laid.fit_of_better_half >= LEAST_FIT_OF_BETTER_HALF
         least = max(self.laid.fit + self.clear_gain, self.least_fit)

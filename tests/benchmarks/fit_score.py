@@ -42,10 +42,11 @@ from recognition.decide.fuse_lattices import (
     contradict,
     fuse_lattices,
     lead_nats,
+    odds_by_touch,
     possible_characters,
     relative_likelihood,
 )
-from recognition.decide.measures import odds_by_touch, text_measures, unsettled_twins
+from recognition.decide.measures import text_measures, unsettled_twins
 from recognition.decide.risk_text import USUAL_RISK, risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
 from recognition.language.lattice import Lattice

@@ -209,7 +209,7 @@ def test_without_a_folder_for_them_kernels_are_compiled_and_that_is_shown(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("numba.core.caching.CacheImpl._locator_classes", [])
-    monkeypatch.setattr("glyphs.compiled._Compiling.kept", True)
+    monkeypatch.setattr("glyphs.compiled._Compiling.all_cached", True)
     one = thrice()
     assert isinstance(one._cache, NullCache)
     lines: list[str] = []

@@ -25,12 +25,10 @@ from glyphs.surface.noise import Field, ramp
 
 
 def misrun(coat: Coat, mould: Mould, amount: float) -> Field:
-    """Surface after a misrun, mm: where it is cold, the metal follows the mould only down to a radius.
-
-    A raised character is a thin section in a narrow recess of the mould: it freezes before the land does.
-    """
+    """Surface after a misrun, mm: where it is cold, the metal follows the mould only down to a radius."""
     near = blur(coat.z_mm, 0.05 * coat.height_mm, coat.pitch_mm)
     wide = blur(coat.z_mm, 0.20 * coat.height_mm, coat.pitch_mm)
+    # a raised character is a thin section in a narrow recess of the mould: it freezes before the land does
     thin = np.clip((near - coat.brim_mm) / np.float32(MARK * coat.height_mm), 0.0, 1.0)
     onset = 1.9 - 2.6 * amount
     cold = ramp(np.float32(1.5) * thin - mould.warmth, onset - 0.6, onset + 1.0)

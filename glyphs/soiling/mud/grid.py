@@ -24,7 +24,6 @@ class Grid(NamedTuple):
 
     @property
     def size_mm(self) -> NDArray[np.float64]:
-        """Width and height of the plate."""
         return np.array(self.shape)[::-1] * self.pitch_mm
 
     def noise(self, x_mm: float, y_mm: float, rng: np.random.Generator) -> Field:

@@ -138,14 +138,12 @@ def _scale(
     lamina_mm: float,
     *,
     stays: float = 0.55,
-    adherent: float = 0.21,
+    adherent: float = 0.21,  # share of the rust that never flakes off
 ) -> tuple[Field, Field]:
-    """Scale left on the steel, mm, and number of fallen laminas (-1 at the loose, lifted edge of a flake).
-
-    The outer laminas fall first and leave terraces; `adherent` is the share of the rust that never flakes off.
-    """
+    # scale left on the steel, mm, and number of fallen laminas (-1 at the loose, lifted edge of a flake)
     layers = grown * np.float32(stays / lamina_mm)
     least = grown * np.float32(adherent / lamina_mm)
+    # the outer laminas fall first and leave terraces
     weak = np.float32(3.6 * min(spall, 1.0) - 3.0) - flaky
     fallen = 3.5 * np.maximum(weak, 0.0)
     left = np.maximum(layers - fallen, least)
@@ -182,10 +180,8 @@ def _yielding_layer(
     powder_mpa: float = 8.0,
     flake_mpa: float = 40.0,
 ) -> tuple[Field, Field]:
-    """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.
-
-    Powder is at most the upper third of the rust; it crumbles under a fingernail, hard (Mohs 5) as its crystals are.
-    """
+    # thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake; powder
+    # is at most the upper third of the rust, and crumbles under a fingernail, hard (Mohs 5) as its crystals are
     most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
     powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst) / (1.0 + np.maximum(fallen, 0.0)))
     loose = np.minimum(thick, np.float32(lamina_mm)) * (fallen < 0.0)

@@ -73,10 +73,7 @@ def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: floa
 
 
 def knock(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Dent and gouge the surface with corners of other parts; return it and where it was hit (0 to 1).
-
-    A corner bridges grooves, and the land between raised marks: it presses down only metal above its own surface.
-    """
+    """Dent and gouge the surface with corners of other parts; return it and where it was hit (0 to 1)."""
     coat, deep, size = bench.coat, bench.deep_mm, bench.coat.height_mm
     rows, cols = coat.shape
     count = max(5, int(4.0 * coat.area_mm2 / size**2))
@@ -88,6 +85,7 @@ def knock(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) ->
     depth, lean = deep * np.minimum(rng.lognormal(0.1, 0.5, count), 2.5), rng.uniform(-0.8, 0.8, count)
     pile = rng.uniform(0.15, 0.4, count)
     grown = np.clip((amount - when) / 0.15, 0.0, 1.0)
+    # a corner bridges grooves, and the land between raised marks: it presses down only metal above its own surface
     ground = np.maximum(bench.level_mm, z)
     pressed, piled = np.zeros((2, rows, cols), dtype=np.float32)
     for i in np.flatnonzero(grown > 0.0):

@@ -62,7 +62,6 @@ class Dirt(OneLine, Validated, error=StampError):
 
     @property
     def clean(self) -> bool:
-        """Whether all amounts are 0."""
         return not any(getattr(self, item.name) for item in fields(self))
 
 

@@ -64,13 +64,13 @@ def judge(
         decision = decision_of(states, score=choice.score, threshold=choice.threshold, flags=flags)
         return decision is Decision.ACCEPT
 
-    findings: list[Finding] = []
-    for rule in JUDGES:
-        findings += (finding for finding in rule(evidence, choice, settings) if not finding.flag & without)
+    def report(*rules: Judge) -> list[Finding]:
+        every = (finding for rule in rules for finding in rule(evidence, choice, settings))
+        return [finding for finding in every if not finding.flag & without]
+
+    findings = report(*JUDGES)
     for rule in JUDGES_OF_SURE:
         # rules for the mark and the orientation do not matter here
         if is_accepted(flags_of(findings) & ~BESIDE_SERIAL) and (certify or rule is not certificate):
-            findings += (
-                finding for finding in rule(evidence, choice, settings) if not finding.flag & without
-            )
+            findings += report(rule)
     return findings, is_accepted(flags_of(findings))

@@ -23,11 +23,7 @@ def depth_rules(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
 def violations(
     rule: DepthRule, characters: Sequence[CharacterReading], height_mm: float
 ) -> Iterator[Finding]:
-    """Return the limits that a mark breaks; a limit that could not be measured counts as broken.
-
-    Depths are compared without their known error, and the message gives their standard deviation. It moves no limit: it
-    is wide even on a clean plate, and a guard band of one standard deviation refuses good marks.
-    """
+    """Return the limits that a mark breaks; a limit that could not be measured counts as broken."""
     window = rule.window(height_mm)
     if window is None and rule.windows:
         known = ", ".join(f"{w.heights_mm[0]:g} to {w.heights_mm[1]:g}" for w in rule.windows)
@@ -37,21 +33,17 @@ def violations(
         )
     least, most = (0.0, math.inf) if window is None else (window.least_mm, window.most_mm)
     rim = rule.most_burr_mm
-    marks = [(k, c.depth) for k, c in enumerate(characters, start=1)]
-    felt = [(k, depth) for k, depth in marks if depth is not None]
-    burrs = {k: depth.burr_mm for k, depth in felt if depth.burr_mm is not None}
-    lows, highs = (
-        {
-            k: (mm - depth.bias_mm, f" {_with_sd(mm - depth.bias_mm, depth.sd_mm)} mm")
-            for k, depth, mm in values
-        }
-        for values in (
-            [(k, depth, depth.min_mm) for k, depth in felt],
-            [(k, depth, depth.max_mm) for k, depth in felt],
-        )
-    )
-    shallow = {k: words for k, (mm, words) in lows.items() if mm < least}
-    deep = {k: words for k, (mm, words) in highs.items() if mm > most}
+    felt = {k: c.depth for k, c in enumerate(characters, start=1) if c.depth is not None}
+    burrs = {k: depth.burr_mm for k, depth in felt.items() if depth.burr_mm is not None}
+
+    # depths are compared without their known error. The message gives their standard deviation, which moves no limit:
+    # it is wide even on a clean plate, and a guard band of one deviation refuses good marks.
+    def words(k: int, mm: float) -> str:
+        sd_mm = felt[k].sd_mm
+        return f" {mm:.3f} mm" if sd_mm is None else f" {mm:.3f} +- {sd_mm:.3f} mm"
+
+    shallow = {k: words(k, mm) for k, d in felt.items() if (mm := d.min_mm - d.bias_mm) < least}
+    deep = {k: words(k, mm) for k, d in felt.items() if (mm := d.max_mm - d.bias_mm) > most}
     high = {k: f" {mm:.3f} mm" for k, mm in burrs.items() if mm > rim}
     lacking: dict[str, dict[int, str]] = {}
     unsized = rule.least_height_mm > 0.0 and not felt
@@ -79,16 +71,10 @@ def violations(
         )
 
 
-def _with_sd(depth_mm: float, sd_mm: float | None) -> str:
-    return f"{depth_mm:.3f}" if sd_mm is None else f"{depth_mm:.3f} +- {sd_mm:.3f}"
-
-
 def print_size_mm(
     characters: Sequence[CharacterReading], height_mm: float, *, wall_bevel_deg: float = 45.0
 ) -> float:
-    """Height of the characters between the ends of their bottoms, as 27 CFR 478.92 measures it.
-
-    The height that was read is at the surface, where walls of 45 degrees add one depth at either end.
-    """
+    """Height of the characters between the ends of their bottoms, as 27 CFR 478.92 measures it."""
+    # the height that was read is at the surface, where walls of 45 degrees add one depth at either end
     wall = (mean_depth_mm(characters) or 0.0) / math.tan(math.radians(wall_bevel_deg))
     return height_mm - 2.0 * wall

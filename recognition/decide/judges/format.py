@@ -120,10 +120,7 @@ def _describe_found(text: str) -> str:
 def format_misfits(
     openly: Lattice, grammar: Grammar | None, *, sure: float = 0.8, clear: float = 0.8, most_places: int = 3
 ) -> tuple[Finding, ...]:
-    """Report where a clear text is of another kind than the format: the format may be wrong, not the part dirty.
-
-    Apart from what is quoted, a finding has the same words on every part, so that they can be counted over a lot.
-    """
+    """Report where a clear text is of another kind than the format: the format may be wrong, not the part dirty."""
     belief = np.exp(openly.log_belief)
     if grammar is None or not belief.size or belief.max(axis=1).mean() < clear:
         return ()
@@ -136,6 +133,7 @@ def format_misfits(
             strange = set(members).difference(*map(_twins, allowed))
             believed = sum(belief[k, openly.chars.index(c)] for c in strange if c in openly.chars)
             if believed >= sure and not set(members) & set(allowed):
+                # but for what is quoted, the same words on every part, so that they can be counted over a lot
                 what = f"place {k + 1} reads as {kind} (“{openly.text[k]}”), which the format does not allow"
                 findings.append(Finding(ReadingFlag.FORMAT_NOT_MET, f"{what} {CHECK_FORMAT}", (k + 1,)))
     return tuple(findings[:most_places])
@@ -147,10 +145,7 @@ def _other_length(openly: Lattice, lengths: frozenset[int], flag: ReadingFlag) -
 
 
 def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tuple[Finding, ...]:
-    """Report where the format has changed the text of a line; nothing if it has not.
-
-    Twins, which most dies cut with the same shape, do not count as a change: only a format can tell O from 0.
-    """
+    """Report where the format has changed the text of a line, twins apart: only a format can tell O from 0."""
     lattice, _ = line.open_places
     open_text = lattice.text
     if len(open_text) != len(text):
@@ -181,11 +176,7 @@ def _twins(char: str) -> str:
 def small_letters(
     looks: Sequence[Steps], columns: NDArray[np.float64], text: str, *, least_small: float = 0.5
 ) -> tuple[Finding, ...]:
-    """Report a capital that may be a small letter; small letters count as capitals without a format.
-
-    Many dies have small capitals, and many letters have the same shape in both cases. A person who knows the marking
-    decides once, by giving a format.
-    """
+    """Report a capital that may be a small letter: many letters have the same shape in both cases."""
     if columns.size < 2:
         return ()
     half = 0.5 * float(np.diff(columns).min())

@@ -15,6 +15,7 @@ from recognition.decide.text import LEAST_PLACES
 from recognition.find.layouts import Layout, LayoutKind
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, ways_possible
 from recognition.find.part_lines import PartLines
+from recognition.language.code_text import holds
 from recognition.language.orientation import Way, other_text, readable
 from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 from recognition.see.photo_sizes import shrunk
@@ -49,7 +50,7 @@ def orientation(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
     Of two senses, one that has read this text and can be read in no other orientation knows how the part lies, however
     dirty the other one is. Otherwise all that either reports, and those in which the text has exact images.
     """
-    if not choice.characters or any(choice.is_held_by(code.text) for code in choice.codes):
+    if not choice.characters or any(holds(code.text, choice.spaced_text) for code in choice.codes):
         return
     if not choice.is_fused:
         yield from _other_orientations(choice, settings)

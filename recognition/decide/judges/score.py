@@ -9,8 +9,8 @@ from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.judges.words import ranges_text
 from recognition.decide.risk import risk_findings
+from recognition.decide.risk_text import risk_in_words
 from recognition.decide.score import DIGITS
-from recognition.language.confusions import CharacterState
 from recognition.marks.lines_felt import places_lacking_lines
 
 
@@ -26,9 +26,11 @@ def low_confidence(
     """Report a score below the threshold: the doubtful characters, or their number."""
     if not choice.is_low:
         return
-    low, why = ReadingFlag.LOW_CONFIDENCE, choice.shortfall
-    places = tuple(enumerate(choice.characters, start=1))
-    unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
+    digits = next((n for n in range(3, 7) if round(choice.score, n) < choice.threshold), 6)
+    least_score = f"{choice.threshold:g} for {risk_in_words(choice.accept_risk)}"
+    why = f"confidence {choice.score:.{digits}f} is below the threshold {least_score}"
+    low, places = ReadingFlag.LOW_CONFIDENCE, tuple(enumerate(choice.characters, start=1))
+    unread = [k for k, c in places if c.is_unread]
     rivals = _rivals(choice)
     if rivals:
         yield Finding(low, f"{why}: {', '.join(rivals.values())}?", tuple(rivals))
@@ -50,19 +52,16 @@ def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> d
     places = [
         (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)
         for k, c in enumerate(choice.characters, start=1)
-        if len(c.candidates) > 1
-        and c.candidates[1].probability >= doubted
-        and not (c.state is not None and c.state.state is CharacterState.NOT_READ)
+        if len(c.candidates) > 1 and c.candidates[1].probability >= doubted and not c.is_unread
     ]
     return {k: text for _, text, k in sorted(places)[:most_places]}
 
 
 def other_texts(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
-    """Raise the threshold for a text that was chosen among several.
+    """Raise the threshold for a text that was chosen among k: 1/k of the error is allowed (Bonferroni).
 
-    Reading the same text again costs nothing. Each other text that a look has read is one more chance to be wrong:
-    after k texts, 1/k of the error is allowed (Bonferroni). Looks are those of touch at another height, in another
-    order of the rows and after further passes, of the camera without stains, and of an earlier pass over the lot.
+    Looks are those of touch at another height, in another order of the rows and after further passes, of the camera
+    without stains, and of an earlier pass over the lot.
     """
     looks = (sense.log.other_texts for sense in choice.senses)
     texts = {choice.text}.union(evidence.other_texts, *looks)

@@ -11,6 +11,7 @@ from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.fuse_lattices import contradict, lead_nats
 from recognition.decide.reading import Reading
 from recognition.decide.score import log_odds
+from recognition.language.code_text import holds
 
 
 def log_of_sense(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
@@ -60,16 +61,14 @@ def senses_disagree(
     settings: DecisionSettings,
     *,
     sure: float = 0.97,
+    # ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt makes
+    # the camera take two characters for others at ten to one each; from 300 on it is not dirt.
     ratio: float = 300.0,
 ) -> Iterator[Finding]:
     """Report a sense that is sure of another text than the fused one: it may have read another part.
 
     A sense is sure of its text if its score says so, or if it holds the text for far likelier than the fused one. They
     also disagree if both are sure of different characters at one place: serials of one lot often differ at one only.
-
-    Args:
-        ratio: ratio of a sense's probabilities of its text and of the fused one from which it is sure of its text. Dirt
-            makes the camera take two characters for others at ten to one each; from 300 on it is not dirt.
     """
     if not choice.alone:
         return
@@ -117,7 +116,7 @@ def _text_and_lead(reading: Reading, text: str, *, least_places: int = 4) -> tup
 
 def code_disagrees(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Report codes that hold another serial, unless one holds this serial."""
-    held = [choice.is_held_by(code.text) for code in choice.codes]
+    held = [holds(code.text, choice.spaced_text) for code in choice.codes]
     if not choice.characters or True in held:
         return
     for code, same in zip(choice.codes, held, strict=True):

@@ -121,17 +121,19 @@ def named_font(evidence: Evidence, choice: Choice, settings: DecisionSettings) -
 
 
 def guessed_characters(
-    evidence: Evidence, choice: Choice, settings: DecisionSettings, *, near_fit: float = 0.05
+    evidence: Evidence,
+    choice: Choice,
+    settings: DecisionSettings,
+    *,
+    # greatest shortfall in correlation of a guess that may still be right; where an enrolled character won over
+    # the right guess, it won by 0.01 or 0.02 (E for F, Q for O)
+    near_fit: float = 0.05,
 ) -> Iterator[Finding]:
     """Report characters that may be missing from their learned font, if templates alone have read them.
 
     If O was never enrolled, its shape comes from another font, and an enrolled Q fits a true O about as well. A
     character is doubtful if it is such a guess, or if a guess fits nearly as well. The network judges each character by
     itself; templates only compare characters that were felt.
-
-    Args:
-        near_fit: greatest shortfall in correlation of a guess that may still be right; where an enrolled character won
-            over the right guess, it won by 0.01 or 0.02 (E for F, Q for O).
     """
     line = choice.line
     if not choice.characters or line is None or "network" in line.by_expert:

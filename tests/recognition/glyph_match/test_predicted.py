@@ -16,7 +16,7 @@ from glyphs.stamping.die import ideal_relief
 from glyphs.stamping.faces import default_depth_mm, default_die
 from recognition.glyph_match import kept_predictions
 from recognition.glyph_match.face_library import face_library
-from recognition.glyph_match.kept_predictions import Arrays, kept
+from recognition.glyph_match.kept_predictions import Arrays, load_or_predict
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     PIXELS,
@@ -180,41 +180,41 @@ def same(one: object, other: object) -> bool:
 
 @pytest.mark.usefixtures("folder")
 def test_what_was_made_is_found_again_and_other_things_are_not() -> None:
-    kept(("one", 2, (3.0, np.zeros(2))), make)
-    assert np.array_equal(kept(("one", 2, (3.0, np.zeros(2))), never)["values"], np.arange(5.0))
+    load_or_predict(("one", 2, (3.0, np.zeros(2))), make)
+    assert np.array_equal(load_or_predict(("one", 2, (3.0, np.zeros(2))), never)["values"], np.arange(5.0))
     for other in (
         ("one", 2, (3.0, np.zeros(3))),
         ("one", 2.0, (3.0, np.zeros(2))),
         ("one", 2, 3.0, np.zeros(2)),
     ):
         with pytest.raises(AssertionError, match="second time"):
-            kept(other, never)
+            load_or_predict(other, never)
 
 
 @pytest.mark.parametrize("damage", [b"", b"nothing", None])
 def test_a_damaged_file_is_made_again(folder: Path, damage: bytes | None) -> None:
-    kept(("one",), make)
+    load_or_predict(("one",), make)
     (path,) = folder.glob("*.npz")
     content = path.read_bytes()
     path.write_bytes(content[:60] + b"\xff" * 40 + content[100:] if damage is None else damage)
-    assert np.array_equal(kept(("one",), make)["values"], np.arange(5.0))
-    assert np.array_equal(kept(("one",), never)["values"], np.arange(5.0))
+    assert np.array_equal(load_or_predict(("one",), make)["values"], np.arange(5.0))
+    assert np.array_equal(load_or_predict(("one",), never)["values"], np.arange(5.0))
 
 
 def test_without_a_folder_everything_is_made_each_time(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
     for nowhere in (None, folder / "missing"):
         monkeypatch.setattr(kept_predictions, "folder_of", lambda function, nowhere=nowhere: nowhere)
-        assert np.array_equal(kept(("one",), make)["values"], np.arange(5.0))
+        assert np.array_equal(load_or_predict(("one",), make)["values"], np.arange(5.0))
         with pytest.raises(AssertionError, match="second time"):
-            kept(("one",), never)
+            load_or_predict(("one",), never)
 
 
 def test_what_was_used_longest_ago_is_removed(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
     monkeypatch.setattr(kept_predictions, "MOST_BYTES", 1_000)  # room for three
     for k in range(6):
-        kept((k,), make)
-        kept((0,), make)
-    kept((0,), never)
+        load_or_predict((k,), make)
+        load_or_predict((0,), make)
+    load_or_predict((0,), never)
     assert sum(path.stat().st_size for path in folder.iterdir()) <= 1_000
 
 
