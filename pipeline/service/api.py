@@ -38,22 +38,20 @@ from pipeline.store.store import Store
 if TYPE_CHECKING:
     from pipeline.service.app import Service
 
+# members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
+# Without half surrogates, which never come out of UTF-8.
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ue000-\uf8ff\ufeff\ufff9-\ufffb"
-"""Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
-
-Without half surrogates, which never come out of UTF-8.
-"""
 TEXT = f"^[^{HIDDEN}]*$"
 NOTE = f"^(?:[\\t\\n\\r]|[^{HIDDEN}])*$"
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 PictureName = Literal["photo", "edges", "boxes"]
+# columns of the table, and the field of a part's record that fills each
 COLUMNS = {
     "id": "id", "name": "name", "received": "created_at", "state": "state", "serial": "text",
     "read_by": "reading.source", "decision": "reading.decision", "confidence": "reading.confidence",
     "expected": "expected", "verdict": "reading.verdict", "line": "line", "job": "job", "database": "database",
     "reviewed_by": "review.who", "review": "review.action", "reviewed": "review.at", "note": "review.note",
 }  # fmt: skip
-"""Columns of the table, and the field of a part's record that fills each."""
 _AT_ONCE = 500
 _LASTING = "private, max-age=31536000, immutable"
 

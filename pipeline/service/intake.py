@@ -68,18 +68,17 @@ log = structlog.get_logger("tactile-marks")
 class Touch(StrEnum):
     """Choice of the stage or the sender to feel a part, if the camera is unsure."""
 
+    # the service's stage, on a later request; without a stage the part goes to a person
     ASKED = "asked"
-    """The service's stage, on a later request; without a stage the part goes to a person."""
+    # the service's stage, at once; without a stage the part goes to a person
     STAGE = "stage"
-    """The service's stage, at once; without a stage the part goes to a person."""
+    # the sender, by the plan in the answer
     PLAN = "plan"
-    """The sender, by the plan in the answer."""
 
 
 @dataclass(frozen=True)
 class NewPart:
-    """A part beside its files; an empty database or job is the service's own. Raises HiddenCharacterError: its name
-    or expected text has hidden characters."""
+    """A part beside its files; job: empty for the service's own settings. Raises HiddenCharacterError."""
 
     name: str = ""
     expected: str = ""
@@ -107,7 +106,7 @@ class Intake:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
         on_review: called with every part that a person has decided, in any thread.
-        targets: of results: webhook, mqtt; none in shadow mode.
+        targets: webhook, mqtt; none in shadow mode.
     """
 
     def __init__(
@@ -155,7 +154,6 @@ class Intake:
             shutil.rmtree(folder, ignore_errors=True)
 
     def can_read(self, job: str) -> bool:
-        """Whether parts of a job can be read now."""
         return self.calls.pool.retry_after_s() is None and not self.calls.trouble(job)
 
     async def receive(
@@ -171,8 +169,8 @@ class Intake:
         """Read a new part.
 
         Args:
-            call: the call that brings the part, while which it may be felt.
-            keep_unreadable: if the files cannot be read, a person gets the part; otherwise the sender gets the Problem.
+            call: the call that brings the part, during which it may be felt.
+            keep_unreadable: a person gets the part if its files cannot be read; otherwise the sender gets the Problem.
             unreadable: why the files cannot even be taken; a person gets the part without them.
 
         Raises:
@@ -220,8 +218,7 @@ class Intake:
     async def add_scan(
         self, part_id: str, scan: Upload, *, idempotency: IdempotencyKey | None = None
     ) -> Received:
-        """Read a part again with its scan, fused with the camera's reading. Raises Problem: as in `receive`; the
-        part does not exist, or a person has reviewed it."""
+        """Read a part again, with its scan and photographs. Raises Problem: as in `receive`, or it is reviewed."""
 
         async def work() -> PartRecord:
             part = await self._unreviewed_part(part_id)
@@ -277,10 +274,9 @@ class Intake:
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
-        """Do the work of a request once, however often it is sent; while it is done, the same request waits for it.
+        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile.
 
-        The store knows what other processes did, or this one before it was restarted. Raises Problem: the key is
-        another request's.
+        The store knows what other processes have done. Raises Problem: the key is another request's.
         """
         if idempotency is None:
             return Received(await work())
@@ -459,7 +455,6 @@ class Intake:
         return part
 
     def undo_review(self, part_id: str, person: Person) -> PartRecord:
-        """Undo a person's own review."""
         part = self.store.undo_review(part_id, person=person, targets=self.targets)
         self.on_result()
         return part

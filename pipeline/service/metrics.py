@@ -31,7 +31,6 @@ class Metrics:
         self.lost_workers = self._counter("workers_lost", "Workers that died or took too long for a part.")
 
     def gauge(self, name: str, text: str, value: Callable[[], float]) -> None:
-        """Publish a value that is computed on every request."""
         Gauge(f"tactile_marks_{name}", text, registry=self.registry).set_function(value)
 
     def _counter(self, name: str, text: str, *labels: str) -> Counter:

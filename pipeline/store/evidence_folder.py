@@ -39,17 +39,17 @@ from pipeline.common.private import open_no_link, private_folder
 if TYPE_CHECKING:
     from pipeline.store.store import Store
 
+# maximum plausible time between two sweeps, seconds: a plant that stands still for a month
 MOST_GAP_S = 31 * 86_400.0
-"""Maximum plausible time between two sweeps, seconds: a plant that stands still for a month."""
+# maximum drift of the clock against the monotonic one between two sweeps, seconds: more is a leap, which would
+# make unfinished files look old
 MOST_DRIFT_S = 600.0
-"""Maximum drift of the clock against the monotonic one between two sweeps, seconds: more is a leap, which would make
-unfinished files look old."""
 _log = logging.getLogger(__name__)
 _HASH = re.compile(r"[0-9a-f]{64}")
 _BATCH = 200
 _PROBE_BYTES = 4096
+# minimum free space on the disk, bytes: with less a service is not ready, because the next upload may not fit
 LEAST_ROOM_BYTES = 64 << 20
-"""Minimum free space on the disk, bytes: with less a service is not ready, because the next upload may not fit."""
 
 
 class FileState(StrEnum):

@@ -22,16 +22,16 @@ from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common import version
 from pipeline.workers.executors import Executor, Outcome, WorkerLostError
 
+# longest time for the scheduler to answer, seconds
 _CONNECT_S = 10.0
-"""Longest time for the scheduler to answer, seconds."""
+# longest time for the connection's thread to start, seconds; the library's ten are too few on a busy machine
 _START_S = 120.0
-"""Longest time for the connection's thread to start, seconds; the library's ten are too few on a busy machine."""
 # seconds between two checks of scheduler and workers
 _LOOK_S = 2.0
 # tasks submitted at a time for each worker, and in all at least
 _AHEAD, _LEAST_AHEAD = 3, 8
+# readers and their templates are not shared between threads
 _ONE_AT_A_TIME = threading.Lock()
-"""Readers and their templates are not shared between threads."""
 
 
 class ClusterError(MarksError):

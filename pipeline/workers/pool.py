@@ -29,13 +29,13 @@ from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, pickled_cal
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
+# jobs that a run submits at a time for each worker: one at work, the others waiting
 _AHEAD = 16
-"""Jobs that a run submits at a time for each worker: one at work, the others waiting."""
 _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
+# failed starts in a row, for each worker, after which waiting jobs are given up
 _STARTS_TRIED = 3
-"""Failed starts in a row, for each worker, after which waiting jobs are given up."""
 _USUAL_S = 1.0
 _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0

@@ -25,19 +25,19 @@ from glyphs.compiling import end_part, show_compiling
 from glyphs.errors import MarksError
 from pipeline.workers.executors import WorkerLostError
 
+# keep freed memory in the process: maps of tens of megabytes would be returned and cleared each time
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": str(1 << 30), "MALLOC_MMAP_THRESHOLD_": str(1 << 30)}
-"""Keep freed memory in the process: maps of tens of megabytes would be returned to the system and cleared each time."""
 _THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
     *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
 )
 LOOK_S = 0.25
+# least share of its time limit for which a slow worker had a core; with less, the machine was busy
 _STARVED = 0.5
-"""Least share of its time limit for which a slow worker had a core; with less, the machine was busy."""
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
+# exit codes of workers that were killed by a person, or by a system short of memory
 _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
-"""Exit codes of workers that were killed by a person, or by a system short of memory."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ class Worker:
         self.process.join()
 
 
+# the worker of `started_early`, until a pool uses it
 _EARLY: list[Worker] = []
-"""The worker of `started_early`, until a pool uses it."""
 
 
 @contextlib.contextmanager

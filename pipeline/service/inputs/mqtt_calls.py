@@ -23,7 +23,7 @@ _FIELDS = {"name", "part", "job", "expected"}
 
 
 class MqttCalls:
-    """Answer calls."""
+    """Triggers and releases, carried out by the intake."""
 
     def __init__(self, calls: LineCalls) -> None:
         self._calls = calls

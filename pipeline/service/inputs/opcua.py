@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from pipeline.service.settings import OpcUaSettings
 
 IDLE, SCANNING, BUSY = 0, 2, 3
+# LastDecision after a call that has failed
 FAILED = "ERROR"
-"""LastDecision after a call that has failed."""
 _LEAVE_S = 0.1
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
@@ -60,13 +60,12 @@ _ANSWERED = ContextVar("answered", default=False)
 
 
 class OpcUaPort:
-    """The OPC UA server; `port` 0 becomes the real one once it is started."""
+    """The OPC UA server, for so many signed-in connections; `port` 0 becomes the real one at the start."""
 
     title = "OPC UA server"
     trouble = ""
 
     def __init__(self, settings: OpcUaSettings, calls: LineCalls, *, connections: int = 16) -> None:
-        """`connections` is the greatest number of signed-in connections at once."""
         self.host, self.port = host_and_port(settings.port or "0")
         self._settings, self._calls = settings, calls
         self._connections = connections
@@ -80,8 +79,7 @@ class OpcUaPort:
         self._showing = asyncio.Lock()
 
     async def start(self) -> dict[str, object]:
-        """Build the nodes and listen; returns where. Raises OSError: the address is not available, or a certificate
-        cannot be read."""
+        """Build the nodes and listen. Raises OSError: the address is not available, or a certificate cannot be read."""
         server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()
         server.set_server_name("tactile-marks")
@@ -116,7 +114,6 @@ class OpcUaPort:
         return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
-        """Close; what is being read gets `grace_s`."""
         self._stopped = True
         if self._scanning is not None:
             await end_tasks([self._scanning], grace_s=grace_s)

@@ -75,13 +75,13 @@ _CODES = ua.StatusCodes
 _WRONG = (_CODES.BadUserAccessDenied, _CODES.BadIdentityTokenInvalid, _CODES.BadIdentityTokenRejected)
 
 
+# methods in plain types, with the names of their arguments; each returns the part
 PLAIN_METHODS = {
     "TriggerPart": ("PartName",),
     "TriggerJob": ("PartName", "JobName"),
     "TouchPart": ("PartName",),
     "PartResult": ("PartName",),
 }
-"""Methods in plain types, with the names of their arguments; each returns the part."""
 _ANSWER = ("PartId", "Text", "Decision")
 
 
@@ -139,7 +139,6 @@ class Users(UserManager):
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None
     ) -> Any:
-        """The user, or None if the name or password is wrong."""
         if self._passwords:
             wanted = self._passwords.get(username or "", "")
             same = hmac.compare_digest(wanted.encode(), (password or "").encode("utf-8", "replace"))
@@ -159,7 +158,7 @@ def settings_fit(arguments: tuple[Any, ...], *, endless: bool) -> bool:
 
 
 def bad(code: str) -> Any:
-    """The status code of that name."""
+    """The status code with a name."""
     return ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, code)))
 
 

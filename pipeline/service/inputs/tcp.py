@@ -63,12 +63,12 @@ _LINGER_S = 0.5
 # seconds of silence until the system asks whether a controller is there, seconds between questions, and their number
 _KEEPALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 _END = re.compile(rb"[\r\n]")
+# head of a STRING: its maximum and present length, before a command
 _SIMATIC = re.compile(rb"(?s)(?:[^\0\r\n].|.[^\0\r\n])(?=TRIGGER|TOUCH|RESULT|PING)", re.IGNORECASE)
-"""Head of a STRING: its maximum and present length, before a command."""
 # NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
 _PADDING = b"\0\r\n"
+# the first line of an HTTP request, or the first bytes of TLS
 _WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
-"""The first line of an HTTP request, or the first bytes of TLS."""
 
 
 class ResultStringError(MarksError):
@@ -79,7 +79,7 @@ class ResultString:
     """Makes result strings of one format."""
 
     def __init__(self, template: str = DEFAULT_FORMAT) -> None:
-        """Raise ResultStringError for an unknown field, one written as no number can be, or a control character."""
+        """Raises ResultStringError: an unknown field, one written as no number can be, or a control character."""
         self.template = template
         if not template or len(template) > _LONGEST:
             raise ResultStringError(
@@ -102,7 +102,6 @@ class ResultString:
         self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
 
     def of(self, part: PartRecord) -> str:
-        """The result string of a part, without the line's end."""
         reading = part.reading or NO_READING
         texts = {name: str(getattr(part, name)) for name in _OF_PART}
         texts |= {name: getattr(reading, name) for name in _OF_READING}
@@ -133,12 +132,9 @@ def _check_field(field: str, spec: str, conversion: str | None) -> None:
 
 @dataclass(frozen=True)
 class TcpLimits:
-    """Resource limits of callers.
+    """Resource limits of callers: connections at once, bytes of a line, and times.
 
     Attributes:
-        connections: at once; for a further one an idle one is closed, or it gets an error.
-        line_bytes: maximum length of a line; a longer one gets an error and closes the connection.
-        idle_s: time without a line after which a connection is closed.
         line_s: time in which a line that has begun must end.
         answer_s: timeout of one trigger; after it the answer is an error, but the part is read to its end.
         write_s: time in which the caller must take an answer.
@@ -175,14 +171,13 @@ class TcpPort:
         self._log = SparingLog("TCP port")
 
     async def start(self) -> dict[str, object]:
-        """Listen; returns where. Raises OSError: the address is not available."""
         limit = 2 * self._limits.line_bytes
         self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
         self.port = self._server.sockets[0].getsockname()[1]
         return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
-        """Close the port: accept no new callers, drop idle ones, and give triggers under way `grace_s` seconds."""
+        """Accept no new callers, drop idle ones, and give triggers under way `grace_s`."""
         self._stopping = True
         if self._server is not None:
             self._server.close()

@@ -10,8 +10,8 @@ from pipeline.common.records import PartRecord
 from pipeline.service.web.problem import problem_of
 
 _MOST_WORDS = 200
+# time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt
 ANSWER_S = 120.0
-"""Time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt."""
 
 
 class LineCalls(Protocol):

@@ -62,21 +62,20 @@ if TYPE_CHECKING:
     from pipeline.service.settings import WatchSettings
 
 log = structlog.get_logger("tactile-marks")
+# least wait before the next look or attempt, in durations of the last one: neither may use the whole machine
 REST = 5.0
-"""Least wait before the next look or attempt, in durations of the last one, so that neither uses the whole machine."""
+# least wait after a failed attempt
 LEAST_REST_S = 1.0
-"""Least wait after a failed attempt."""
+# time after which an unfinished upload, or a file that may not be opened, counts as left behind, s
 LEFT_S = 60.0
-"""Time after which an unfinished upload, or a file that may not be opened, counts as left behind, s."""
 
 
 @dataclass(frozen=True)
 class WatchedPart:
-    """The photographs of one part.
+    """The photographs of one part, by path.
 
     Attributes:
         name: its subfolder and the file's stem, or the set's.
-        files: size and time of each file, by path.
         moved: keys of the same files, wherever they are moved to.
         since_s: time since which they stand unchanged, by the monotonic clock.
     """
@@ -89,7 +88,6 @@ class WatchedPart:
 
     @property
     def key(self) -> IdempotencyKey:
-        """The key of the part, with those of its present files."""
         key = IdempotencyKey.of_files(picture_key(path, state) for path, state in self.files.items())
         return replace(key, files=(*key.files, *self.moved))
 
@@ -100,7 +98,7 @@ class WatchedFolder:
     title = "watched folder"
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Watch the folder of the settings, and read `at_once` parts at a time. Raises FileError: no such folder."""
+        """Read `at_once` parts at a time. Raises FileError: there is no such folder."""
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
@@ -140,15 +138,14 @@ class WatchedFolder:
         await end_tasks([] if self._task is None else [self._task])
 
     def renew_keys(self, *, before: datetime) -> bool:
-        """Renew the store's keys of the folder's files that are from before a time; whether they are known. StoreError:
-        no store."""
+        """Renew the store's keys of the folder's files that are from before a time; whether they are known."""
         if (present := self._present) is None:
             return False
         self._intake.store.renew_keys(present, before=before)
         return True
 
     async def look(self) -> float:
-        """Look once, and submit what is complete; returns the seconds of the look. Raises StoreError: no answer."""
+        """Look once, and submit what is complete; returns the seconds of the look."""
         limit = asyncio.Semaphore(self._at_once)
 
         async def take(part: WatchedPart) -> None:

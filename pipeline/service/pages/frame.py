@@ -76,7 +76,6 @@ class Frame:
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
-        """The view of a caller with the right to review; errors as in `reader_view`."""
         return View(self, request, self.access.caller(request, Scope.REVIEW))
 
     def render(
