@@ -183,7 +183,7 @@ class Service:
         machine = machine or Machine.of(workers.processes, settings.worker_memory_mb)
         self.upload_bytes = machine.upload_bytes
         self._started_s = time.monotonic() if started_s is None else started_s
-        self._said = ""
+        self._logged_why = ""
         self._checker = ThreadPoolExecutor(1)
         self._readiness: Future[tuple[str, dict[str, str]]] | None = None
         self.evidence = EvidenceFolder(settings.evidence_folder)
@@ -247,9 +247,9 @@ class Service:
         checked, _ = await asyncio.wait([asyncio.wrap_future(self._readiness)], timeout=READY_S)
         silent = f"store or disk have not answered for {READY_S:g} s: locked, or too busy"
         why, state = checked.pop().result() if checked else (silent, {})
-        if why not in ("", self._said):
+        if why not in ("", self._logged_why):
             log.warning("not ready", why=why)
-        self._said = why
+        self._logged_why = why
         return without_folders(why), state
 
     def _check_readiness(self) -> tuple[str, dict[str, str]]:

@@ -66,6 +66,11 @@ class Connection(Protocol):
 C = TypeVar("C", bound=Connection)
 
 
+def peer_address(transport: asyncio.BaseTransport | asyncio.StreamWriter) -> str:
+    """Address of the other end; empty if it has gone."""
+    return str((transport.get_extra_info("peername") or ("",))[0])
+
+
 def address_block(address: str) -> str:
     """The addresses that one caller has: an IPv4 address, or the /64 network of an IPv6 address."""
     try:

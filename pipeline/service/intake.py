@@ -47,6 +47,7 @@ from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.triage import ReadPart, agreement_of
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
+from pipeline.service.tasks import start
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, stopping
 from pipeline.service.web.uploads import Upload
@@ -136,7 +137,7 @@ class Intake:
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         # a lock lives as long as a request that holds it or waits for it
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
-        self._announcing: set[asyncio.Future[None]] = set()
+        self._announcing: set[asyncio.Future[Any]] = set()
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
         self.on_review: Callable[[PartRecord], object] = lambda _: None
@@ -443,10 +444,10 @@ class Intake:
 
     # ----------------------------------------------------------------------------------------------------- answer
 
-    def review(self, part_id: str, person: Person, **said: Any) -> PartRecord:
+    def review(self, part_id: str, person: Person, **answer: Any) -> PartRecord:
         """Store a person's review of a part, and publish the part; arguments as in `Store.review`."""
         part = self.store.review(
-            part_id, person=person, targets=self.targets, readers=self.policy.readers, **said
+            part_id, person=person, targets=self.targets, readers=self.policy.readers, **answer
         )
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
@@ -463,9 +464,7 @@ class Intake:
         self.on_result()
         felt_at_once = part.touch is not None and part.touch.by_stage
         if self.on_part is not None and not felt_at_once:
-            announcing = asyncio.ensure_future(self.on_part(part))
-            self._announcing.add(announcing)  # a task without a reference may be garbage-collected
-            announcing.add_done_callback(self._announcing.discard)
+            start(self.on_part(part), self._announcing)
         self.metrics.parts.labels(part.state.value).inc()
 
 

@@ -116,7 +116,7 @@ class JobAnswer:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _CheckedJob:
     state: FileStamp
     job: JobFile | None
     watch: DriftWatch | None
@@ -154,7 +154,7 @@ class JobFolder(RecentFiles):
         self.databases = databases or GlyphDatabases(folder)
         # the service's own settings are the job without a name; each change is one operation of the dict, so
         # threads need no lock
-        self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), watch_of(own))}
+        self._checked = {"": _CheckedJob((0, 0), JobFile("", own, {}, ""), watch_of(own))}
         self.lock = threading.RLock()
         self.call = _call_here  # workers start later
         for name in self.files():
@@ -166,12 +166,12 @@ class JobFolder(RecentFiles):
         return self._job(name).settings
 
     def watch(self, name: str) -> DriftWatch | None:
-        known = self._known.get(name)
+        known = self._checked.get(name)
         return None if known is None else known.watch
 
     def drifts(self) -> dict[str, str | None]:
         """Drift message of each certified job, empty without drift; None if too few parts were read."""
-        watches = {name: known.watch for name, known in sorted(self._known.copy().items())}
+        watches = {name: known.watch for name, known in sorted(self._checked.copy().items())}
         return {
             name: watch.message() if watch.parts >= EVERY else None
             for name, watch in watches.items()
@@ -233,7 +233,7 @@ class JobFolder(RecentFiles):
                 temporary.write_text(text, encoding="utf-8")
             state = stamp_of(path.stat())
             job = replace(job, written=tomllib.loads(text), sha256=sha256(text.encode()).hexdigest())
-            self._known[name] = _Known(state, job, watch)
+            self._checked[name] = _CheckedJob(state, job, watch)
         log.info("job", job=name, sha256=job.sha256)
         return new
 
@@ -247,28 +247,28 @@ class JobFolder(RecentFiles):
         with self.lock:
             path.unlink(missing_ok=True)
             self._seen_s.pop(name, None)  # it is not expected back
-            self._known.pop(name, None)
+            self._checked.pop(name, None)
         log.info("job deleted", job=name)
 
     def usable(self, names: Iterable[str]) -> list[str]:
-        return [name for name in names if name not in self._known or self._known[name].job is not None]
+        return [name for name in names if name not in self._checked or self._checked[name].job is not None]
 
     def _job(self, name: str) -> JobFile:
         if name:
             self.find(name)
-        known = self._refresh(name) if name else self._known[name]
+        known = self._refresh(name) if name else self._checked[name]
         if known is None or known.job is None:
             why = "its file is gone" if known is None else known.problem
             raise OwnProblem(f"the job {name} cannot be used: {why}")
         return known.job
 
-    def _refresh(self, name: str) -> _Known | None:
+    def _refresh(self, name: str) -> _CheckedJob | None:
         path = self.folder / f"{name}{SUFFIX}"
-        before = self._known.get(name)
+        before = self._checked.get(name)
         try:
             state = stamp_of(path.stat())
         except OSError:
-            self._known.pop(name, None)
+            self._checked.pop(name, None)
             return None
         if before is not None and before.state == state:
             return before
@@ -281,11 +281,11 @@ class JobFolder(RecentFiles):
         except MarksError as error:
             problem = without_folders(str(error))
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
-            checked = replace(before or _Known(state, None, None), state=state, problem=problem)
+            checked = replace(before or _CheckedJob(state, None, None), state=state, problem=problem)
         else:
             log.info("job", job=name, sha256=job.sha256)
-            checked = _Known(state, job, watch)
-        self._known[name] = checked
+            checked = _CheckedJob(state, job, watch)
+        self._checked[name] = checked
         return checked
 
 

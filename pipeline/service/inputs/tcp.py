@@ -23,10 +23,10 @@ import contextlib
 import re
 import socket
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from string import Formatter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from glyphs.errors import MarksError
@@ -35,26 +35,27 @@ from pipeline.common.line_decision import NO_READING, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest
-from pipeline.service.inputs.trigger import LineCalls, in_words
+from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest, peer_address
+from pipeline.service.inputs.trigger import answer_of, in_words
 from pipeline.service.settings import host_and_port
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
 
 if TYPE_CHECKING:
+    from pipeline.service.intake import Intake
     from pipeline.service.settings import TcpSettings
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
 # fields of the part, and of its reading
 _OF_PART = ("name", "text", "id", "state", "expected", "database", "job")
 _OF_READING = ("source", "verdict", "font")
-_MADE: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
+_COMPUTED: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
     "decision": lambda part, _: decision_of(part).value,
     "lines": lambda _, reading: lines_text(reading.lines),
     "codes": lambda _, reading: codes_text(reading.codes),
     "fields": lambda _, reading: fields_text(reading.fields),
 }
-TEXT_FIELDS = (*_OF_PART, *_OF_READING, *_MADE)
+TEXT_FIELDS = (*_OF_PART, *_OF_READING, *_COMPUTED)
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
@@ -105,7 +106,7 @@ class ResultString:
         reading = part.reading or NO_READING
         texts = {name: str(getattr(part, name)) for name in _OF_PART}
         texts |= {name: getattr(reading, name) for name in _OF_READING}
-        texts |= {name: make(part, reading) for name, make in _MADE.items()}
+        texts |= {name: make(part, reading) for name, make in _COMPUTED.items()}
         texts = {name: self._quote(text) for name, text in texts.items()}
         numbers = {name: getattr(reading, name) or 0.0 for name in NUMBER_FIELDS}
         return self.template.format(**texts, **numbers)
@@ -158,15 +159,15 @@ class TcpPort:
     title = "TCP trigger port"
     trouble = ""
 
-    def __init__(self, settings: TcpSettings, calls: LineCalls, *, limits: TcpLimits | None = None) -> None:
+    def __init__(self, settings: TcpSettings, intake: Intake, *, limits: TcpLimits | None = None) -> None:
         self.host, self.port = host_and_port(settings.port or "0")
-        self._calls = calls
+        self._intake = intake
         self._result = ResultString(settings.format or DEFAULT_FORMAT)
         self._clients = settings.clients
         self._limits = limits or TcpLimits()
         self._server: asyncio.Server | None = None
         self._callers: dict[asyncio.Task[None], _Caller] = {}
-        self._reading: set[asyncio.Task[bytes]] = set()
+        self._reading: set[asyncio.Future[Any]] = set()
         self._stopping = False
         self._log = SparingLog("TCP port")
 
@@ -264,25 +265,17 @@ class TcpPort:
                 return b"PONG"
             case "TRIGGER" if (job or not colon) and (expected or not equals):
                 serial = unquote(expected)
-                call = self._calls.trigger(part, job, expected=serial, within_s=within_s)
+                call = self._intake.trigger(part, job, expected=serial, within_s=within_s)
             case "TOUCH" if part and not (colon or equals):
-                call = self._calls.release(part, within_s=within_s)
+                call = self._intake.release(part, within_s=within_s)
             case "RESULT" if part and not (colon or equals):
-                call = self._calls.look_up(part)
+                call = self._intake.look_up(part)
             case _:
                 return _error(
                     "unknown command; send TRIGGER name, TRIGGER:job name, TOUCH name, RESULT name, or PING"
                 )
-        # the part is read to its end though the caller may go: it may already be counted on elsewhere
-        reading = asyncio.create_task(self._read(call))
-        self._reading.add(reading)
-        reading.add_done_callback(self._reading.discard)
-        done, _ = await asyncio.wait({reading}, timeout=within_s)
-        return reading.result() if done else _error("no result in time; the part is still being read")
-
-    async def _read(self, call: Awaitable[PartRecord]) -> bytes:
         try:
-            return self._result.of(await call).encode()
+            return self._result.of(await answer_of(call, self._reading, within_s=within_s)).encode()
         except Exception as error:
             return _error(in_words(error))
 
@@ -304,7 +297,7 @@ class _Caller:
 
     @property
     def address(self) -> str:
-        return str((self.writer.get_extra_info("peername") or ("",))[0])
+        return peer_address(self.writer)
 
     @property
     def block(self) -> str:

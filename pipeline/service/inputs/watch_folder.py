@@ -63,9 +63,9 @@ if TYPE_CHECKING:
 
 log = structlog.get_logger("tactile-marks")
 # least wait before the next look or attempt, in durations of the last one: neither may use the whole machine
-REST = 5.0
+PAUSE = 5.0
 # least wait after a failed attempt
-LEAST_REST_S = 1.0
+LEAST_PAUSE_S = 1.0
 # time after which an unfinished upload, or a file that may not be opened, counts as left behind, s
 LEFT_S = 60.0
 
@@ -162,7 +162,7 @@ class WatchedFolder:
         return took_s
 
     async def _round(self) -> None:
-        await asyncio.sleep(REST * await self.look())
+        await asyncio.sleep(PAUSE * await self.look())
 
     def _complete(self) -> list[WatchedPart]:
         began_s, groups = time.monotonic(), dict[str, dict[str, FileStamp]]()
@@ -308,7 +308,7 @@ class WatchedFolder:
             why = describe_fault(error)
             log.error("fault of the program for a watched file", file=visible(part.name), exc_info=error)
         now_s, (before, _) = time.monotonic(), self._failures.get(key, ("", 0.0))
-        self._failures[key] = why, now_s + max(LEAST_REST_S, REST * (now_s - began_s))
+        self._failures[key] = why, now_s + max(LEAST_PAUSE_S, PAUSE * (now_s - began_s))
         if before != why:
             log.warning("watched file waits", file=visible(part.name), why=why)
         return False

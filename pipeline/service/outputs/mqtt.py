@@ -36,7 +36,7 @@ from pipeline.common.line_decision import short_result
 from pipeline.common.reading_records import from_json
 from pipeline.common.records import Delivery, PartRecord
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
-from pipeline.service.tasks import end_tasks
+from pipeline.service.tasks import end_tasks, start
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings
@@ -96,7 +96,7 @@ class MqttSender:
         self._connection: MqttConnection | None = None
         self._closed, self._online_s = False, 0.0
         self._answer_call = answer_call
-        self._calling: set[asyncio.Task[None]] = set()
+        self._calling: set[asyncio.Future[Any]] = set()
 
     async def ping(self) -> bool:
         """Stay connected, so that the status is online with nothing to publish. Raises DeliveryError: no broker."""
@@ -167,9 +167,7 @@ class MqttSender:
         if len(self._calling) >= MOST_CALLS:
             _log.warning("a call of MQTT was ignored: %s others are in progress", MOST_CALLS)
             return
-        answering = asyncio.create_task(self._publish_answer(message))
-        self._calling.add(answering)
-        answering.add_done_callback(self._calling.discard)
+        start(self._publish_answer(message), self._calling)
 
     async def _publish_answer(self, message: Any) -> None:
         answer = await self._answer_call(message.topic.rpartition("/")[2], message.payload)

@@ -84,7 +84,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             since=since,
             all=total,
             days=days[::-1],
-            **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in surest]},
+            **{**page, "parts": [(part, _read_cells(part), who_was_right(part)) for part in surest]},
         )
 
 
@@ -151,5 +151,5 @@ def _confidence(part: PartRecord) -> float:
     return 0.0 if part.reading is None else part.reading.confidence
 
 
-def _said(part: PartRecord) -> tuple[Cell, ...]:
+def _read_cells(part: PartRecord) -> tuple[Cell, ...]:
     return expected_cells(replace(part, text=part.reading.text if part.reading is not None else ""))

@@ -94,7 +94,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return _page(view, part_id, done=done, remark=remark)
 
     @router.post("/review/{part_id}")
-    def say(part_id: str, form: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
+    def submit_review(part_id: str, form: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
         part, form = store.part(part_id), form.clean(view.caller.token)
         fault = form.fault()
         if not fault and form.action == "save" and form.mode is not ReviewMode.AUDIT:

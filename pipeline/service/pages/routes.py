@@ -124,7 +124,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/login")
     def login(request: Request, to: str = "/review") -> Response:
-        if not access.asked(request):
+        if not access.needs_token(request):
             return redirect(request, own_address(to))
         return frame.render(request, "login.html.j2", to=own_address(to), fault="")
 

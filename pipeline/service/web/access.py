@@ -65,7 +65,7 @@ class Access:
         """`own_user`: whether callers of other users of this machine need a token, as the door has found them."""
         self._store, self.required, self.own_user = store, required, own_user
 
-    def asked(self, request: HTTPConnection) -> bool:
+    def needs_token(self, request: HTTPConnection) -> bool:
         return self.required or bool(getattr(request.state, "other_user", False))
 
     def caller(self, request: HTTPConnection, *scopes: Scope) -> Caller:
@@ -75,7 +75,7 @@ class Access:
             try:
                 record = self.token_of(request)
             except DeniedError:
-                if self.asked(request):
+                if self.needs_token(request):
                     raise
                 return Caller(frozenset(Scope))  # none is needed; perhaps it has an old cookie
         if record.scopes.isdisjoint(scopes):

@@ -137,7 +137,7 @@ class Door:
         connection = HTTPConnection(scope)
         # pages that are only looked at redirect to the sign-in themselves
         changes = scope["method"] not in _SAFE_METHODS and path != "/login"
-        needs_token = self._access.asked(connection) and (changes or path.startswith("/v1/"))
+        needs_token = self._access.needs_token(connection) and (changes or path.startswith("/v1/"))
         if needs_token or (path == "/metrics" and any(name in headers for name in _FORWARDED)):
             state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
         length = headers.get("content-length", "0")

@@ -32,6 +32,7 @@ from pipeline.service.connections import (
     SparingLog,
     address_block,
     longest_idle_of_busiest,
+    peer_address,
 )
 from pipeline.service.web.access import is_in
 from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
@@ -136,7 +137,7 @@ def patient_protocol(
         def data_received(self, data: bytes) -> None:
             if self.transport.is_closing():
                 return
-            self.heard_s = self.loop.time()
+            self.heard_s = time.monotonic()
             if self._head_timer is None and (self.cycle is None or self.cycle.response_complete):
                 self._wait_for_head()
             before = self.cycle
@@ -189,11 +190,8 @@ def patient_protocol(
 
 
 def _identify(connection: _OpenConnection, transport: Any) -> None:
-    connection.address = str((transport.get_extra_info("peername") or ("",))[0])
-    connection.block, connection.heard_s = (
-        address_block(connection.address),
-        asyncio.get_running_loop().time(),
-    )
+    connection.address = peer_address(transport)
+    connection.block, connection.heard_s = address_block(connection.address), time.monotonic()
 
 
 class _Handshake(asyncio.Protocol):
