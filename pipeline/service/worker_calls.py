@@ -148,8 +148,7 @@ class WorkerCalls:
 
     def call_blocking(self, function: Callable[..., T], *arguments: Any) -> T:
         """Call a function that checks a job, before the parts that wait, for at most `FREE_S` and `CHECK_S`.
-        Raises Problem: a full queue, no worker in time, a lost worker. MarksError: as in the function.
-        """
+        Raises Problem: a full queue, no worker in time, a lost worker. MarksError: as in the function."""
         try:
             checked: T = self.pool.call(function, *arguments, free_s=FREE_S, timeout_s=CHECK_S)
         except BusyError as error:

@@ -53,7 +53,7 @@ def look_for_alerts(
         limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
         window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
         drifts: how parts differ from the certified ones, by job; empty if they do not, None if not known yet.
-        others: the same for other alerts, by the alert's name.
+        others: the same by the alert's name.
     """
     latest = tx.execute(
         sa.select(parts.c.id, parts.c.state, parts.c.rejected)

@@ -51,8 +51,8 @@ from pipeline.store.tables import parts
 AUDIT_WAITS = "waiting"
 _SHA256 = re.compile("[0-9a-f]{64}")
 # begins the fingerprint of a key of a run or of files; those of requests are hexadecimal
-_KEPT = "kept "
-_OF_FILES = f"{_KEPT}files"
+_LASTING_KEY = "kept "
+_OF_FILES = f"{_LASTING_KEY}files"
 _LOCK = 0x5E81A1
 # number of parts among which those read with certainty are searched
 _LOOKED_BACK = 4 * WINDOW
@@ -70,9 +70,8 @@ class Added(TypedDict, total=False):
         touch: way in which a new part waits, with TOUCH_NEEDED.
         not_felt: reason why a new part is not felt though the camera is unsure.
         targets: targets to publish to, also that touch is needed.
-        shadow: comparison with the line's own reader, in shadow mode.
         audit: have a person read it as well, if it is accepted.
-        rules: checks of its serial, if it is accepted; with an objection a person gets it.
+        rules: checks of its serial, if it is accepted; a failed one sends it to review.
     """
 
     state: Required[PartState]
@@ -126,7 +125,7 @@ def add_part(
 
 
 def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
-    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: the part was reviewed
+    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: it was reviewed
     meanwhile."""
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
@@ -233,7 +232,7 @@ class IdempotencyKey:
     """Key by which a repeated request is recognised.
 
     Attributes:
-        key: key of the request, with its caller.
+        key: of the request, with its caller.
         fingerprint: hash of its content: another fingerprint under the same key is another request.
         files: keys of its files, which stand for its part from then on; one that stands for another part stays with it.
     """
@@ -245,7 +244,7 @@ class IdempotencyKey:
     @classmethod
     def of_run(cls, run: str, part: str, digest: str) -> IdempotencyKey:
         """The key of a part of a run; `run` hashes what all readings depend on, `digest` what the part's files hold."""
-        return cls(f"run {run} {digest} {part}", f"{_KEPT}{digest}")
+        return cls(f"run {run} {digest} {part}", f"{_LASTING_KEY}{digest}")
 
     @classmethod
     def of_files(cls, files: Iterable[str]) -> IdempotencyKey:
@@ -281,7 +280,7 @@ def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> 
 
 def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | None = None) -> int:
     """Delete keys of requests from before a time, and of files renewed before another; return their number."""
-    old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_KEPT}%"))
+    old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_LASTING_KEY}%"))
     if files_before is not None:
         old = sa.or_(old, sa.and_(keys.c.at < files_before, keys.c.fingerprint == _OF_FILES))
     return tx.execute(sa.delete(keys).where(old)).rowcount

@@ -121,7 +121,6 @@ def review(
     Args:
         text: the correct text; to confirm, the present text or an empty one.
         before: the text that the person saw.
-        readers: number of people that must agree, 1 or 2.
         audit: the person has not seen the accepted text; the part goes to review only if the two texts differ.
 
     Raises:

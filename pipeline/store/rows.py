@@ -91,12 +91,8 @@ def write_part(
 ) -> PartRecord:
     """Write a part and its events, and queue it for its targets (not in shadow mode); return it as it is stored.
 
-    Args:
-        tx: the transaction; it has the part locked unless it is new.
-        figures: columns that do not follow from its record.
-
-    Raises:
-        ConflictError: it is not new.
+    The transaction has the part locked unless it is new; `figures` are columns that do not follow from its record.
+    Raises ConflictError: it is not new.
     """
     content = to_json(replace(part, changed_at=tx.now))
     record = json_text(content)

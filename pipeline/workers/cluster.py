@@ -41,22 +41,16 @@ class ClusterError(MarksError):
 
 
 class ClusterExecutor(Executor):
-    """The workers of a Dask scheduler."""
+    """The workers of a Dask scheduler; `patience_s` is the longest time without any worker."""
 
     remote = True
 
     def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
-        """`patience_s`: longest time without any worker."""
         self.address, self.patience_s = address, patience_s
         self.workers = 0
 
     def __enter__(self) -> ClusterExecutor:
-        """Connect, wait for a worker, and check that all run this program.
-
-        Raises:
-            ClusterError: no scheduler or worker answers, or a worker has another version of the program.
-            MissingExtraError: the extra `cluster` is not installed.
-        """
+        """Connect, wait for a worker, and check that all run this program. Raises ClusterError, MissingExtraError."""
         require_distributed()
         self._client = self._connect()
         try:
@@ -92,7 +86,6 @@ class ClusterExecutor(Executor):
         return self._client.submit(_same, order, pure=False)
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Submit a call of the function to a worker, and return its future."""
         return self._client.submit(_call_in_worker, self._mark, function, *args, pure=False)
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:

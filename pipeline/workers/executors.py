@@ -67,11 +67,9 @@ class Outcome(Generic[T, R]):
 
 
 class Executor:
-    """Call a function for many tasks, in this process; subclasses use a pool or a cluster.
+    """Call a function for many tasks, about `workers` at once, in this process; subclasses use a pool or a cluster.
 
-    Attributes:
-        workers: approximate number of tasks that run at once.
-        remote: whether the workers are on other machines, which lack this one's files.
+    Workers that are `remote`, on other machines, lack this one's files.
     """
 
     workers = 1
@@ -119,7 +117,6 @@ class Executor:
             yield next_outcome()
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Submit a call of the function, and return its future."""
         future: Future[Any] = Future()
         try:
             future.set_result(function(*args))

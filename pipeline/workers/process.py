@@ -82,7 +82,6 @@ class Worker:
             theirs.close()
 
     def limit(self, memory_mb: int) -> None:
-        """Set the memory limit of the process, MB; 0: no limit."""
         with contextlib.suppress(OSError):  # the process has died; the first call finds it
             self._pipe.send(memory_mb)
 
@@ -93,13 +92,10 @@ class Worker:
     def ask(
         self, call: bytes, timeout_s: float, late: str, stopped: Callable[[], bool] = lambda: False
     ) -> Answer | Exception:
-        """Let the process make a call, and return the result, or a WorkerLostError if the worker is lost meanwhile.
+        """Let the process make a pickled call, and return the result, or a WorkerLostError if the worker is lost.
 
-        Args:
-            call: result of `pickled_call`.
-            timeout_s: longest time of the call.
-            late: message if it takes longer, with {} for the seconds.
-            stopped: called now and then; True ends the wait.
+        `late` is its message after `timeout_s`, with {} for the seconds; `stopped` is called now and then, and True
+        ends the wait.
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)

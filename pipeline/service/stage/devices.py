@@ -130,8 +130,7 @@ class SimulatedStage:
 
     def open(self, order: ScanOrder) -> StageSession:
         """Mount the part's height map, its middle under the camera's axis. Raises StageError: no such part, a map
-        that cannot be scanned, or a region off the part.
-        """
+        that cannot be scanned, or a region off the part."""
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.readers import virtual_array
