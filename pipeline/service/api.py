@@ -145,7 +145,7 @@ class PartPage(PartFilter):
     limit: int = Field(50, ge=1, le=500)
 
 
-def may(access: Access, *scopes: Scope) -> Any:
+def caller_with(access: Access, *scopes: Scope) -> Any:
     """The dependency of a route that only callers with one of the scopes may use."""
 
     def check(request: Request) -> Caller:
@@ -178,9 +178,9 @@ _REPLAYED: dict[int | str, dict[str, Any]] = {
 def parts_router(service: Service) -> APIRouter:
     """The routes of /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=PROBLEMS)
-    Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
+    Reads, Writes, Reviews = (caller_with(service.access, scope) for scope in Scope)
     # who sends a part may look up an answer that was lost
-    LooksUp = may(service.access, Scope.READ, Scope.WRITE)
+    LooksUp = caller_with(service.access, Scope.READ, Scope.WRITE)
     intake, store, files = service.intake, service.store, service.evidence
     root_path = service.settings.root_path
 

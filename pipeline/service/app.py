@@ -194,7 +194,7 @@ class Service:
         self.access = Access(self.store, required=settings.tokens_asked, own_user=settings.tokens == "auto")
         self.jobs = JobFolder(
             settings.job_files,
-            own=reading,
+            default=reading,
             databases=GlyphDatabases(settings.databases_folder, default=reading.database),
             needed=settings.watch.job,
             call=lambda *called: self.intake.calls.call_blocking(*called),

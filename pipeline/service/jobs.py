@@ -134,7 +134,7 @@ class JobFolder(RecentFiles):
         self,
         folder: Path,
         *,
-        own: ReadSettings,
+        default: ReadSettings,
         databases: GlyphDatabases | None = None,
         needed: str = "",
         call: Callable[..., Any] = _call_here,
@@ -150,11 +150,11 @@ class JobFolder(RecentFiles):
             SettingsError: settings name a certificate that is not valid for them.
         """
         super().__init__(folder, SUFFIX, "job", needed=needed)
-        self.own = own
+        self.default = default
         self.databases = databases or GlyphDatabases(folder)
         # the service's own settings are the job without a name; each change is one operation of the dict, so
         # threads need no lock
-        self._checked = {"": _CheckedJob((0, 0), JobFile("", own, {}, ""), watch_of(own))}
+        self._checked = {"": _CheckedJob((0, 0), JobFile("", default, {}, ""), watch_of(default))}
         self.lock = threading.RLock()
         self.call = _call_here  # workers start later
         for name in self.files():
@@ -384,7 +384,7 @@ def teach(
     with jobs.lock:
         written = jobs.written(name)
         if written is None:
-            settings = with_whole_paths(jobs.own, Path())
+            settings = with_whole_paths(jobs.default, Path())
             written = settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
         lines = {line.name: line for line in map(NamedLine.parse, written.get("line", ()))}
         taken = (written.get("format") or written.get("region")) if serial else line.name in lines

@@ -76,9 +76,9 @@ def look_for_alerts(
 
     def send(alert: AlertRecord, state: str) -> None:
         # sent as a message about the part that raised it: messages about one part arrive in order
-        told = {"alert": alert.name, "state": state, "message": alert.message, "part_id": alert.part_id}
-        told |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
-        put_in_outbox(tx, alert.part_id, targets, told)
+        payload = {"alert": alert.name, "state": state, "message": alert.message, "part_id": alert.part_id}
+        payload |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
+        put_in_outbox(tx, alert.part_id, targets, payload)
 
     faults = {
         REJECT_RATE: rate(REJECT_RATE, sum(row.rejected for row in latest)),

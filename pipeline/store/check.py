@@ -143,11 +143,11 @@ def _not_derived(part: PartRecord, row: AnyRow, history: Sequence[AnyRow]) -> li
     wrong = [name for name, value in search_columns(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in history}
     received = last.get("received", {})
-    wanted = {name: received.get(name) for name in ("name", "expected", "database", "job")}
+    due_values = {name: received.get(name) for name in ("name", "expected", "database", "job")}
     # compared as records: after an update the part's row is written in the new form, its events are not
-    wanted["reading"] = from_json(ReadingRecord, last[READ]) if READ in last else None
-    wanted["review"] = from_json(ReviewRecord, last[REVIEWED]) if REVIEWED in last else None
-    return wrong + [name for name, value in wanted.items() if getattr(part, name) != value]
+    due_values["reading"] = from_json(ReadingRecord, last[READ]) if READ in last else None
+    due_values["review"] = from_json(ReviewRecord, last[REVIEWED]) if REVIEWED in last else None
+    return wrong + [name for name, value in due_values.items() if getattr(part, name) != value]
 
 
 def _check_outbox(store: Store, report: CheckReport) -> None:
@@ -169,7 +169,7 @@ def _check_files(store: Store, files: EvidenceFolder, report: CheckReport, *, re
             fault = Fault.MISSING if state is FileState.MISSING else Fault.DAMAGED
             report.add(fault, sha256, f"is {state.value}: {files.path(sha256)}")
     orphans = 0
-    for names in files.kept(before_s=time.time() - _ORPHAN_S):
+    for names in files.hashes(before_s=time.time() - _ORPHAN_S):
         orphans += len(set(names) - store.needed_hashes(names))
     if orphans:
         report.add(Fault.ORPHANS, str(files.root), f"{orphans} files belong to no part", n=orphans)

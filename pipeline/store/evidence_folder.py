@@ -198,7 +198,7 @@ class EvidenceFolder:
         """
         latest_s = time.time() - older_than_s
         n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
-        for names in self.kept(before_s=latest_s):
+        for names in self.hashes(before_s=latest_s):
             needed = store.needed_hashes(names)
             for name in names:
                 if name not in needed:
@@ -206,7 +206,7 @@ class EvidenceFolder:
                         n_removed += _remove_if_older(self.path(name), latest_s)
         return n_removed
 
-    def kept(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
+    def hashes(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
         """Hashes of the files kept before a time, in batches of some hundreds."""
         for folder in sorted(self._files.iterdir()):
             names = []

@@ -113,12 +113,12 @@ def add_part(
     part = PartRecord(
         id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **received
     )
-    part, happened, changed = _read(tx, replace(part, not_felt=added.get("not_felt", "")), added)
-    happened = [("received", received), *happened]
+    part, new_events, changed = _read(tx, replace(part, not_felt=added.get("not_felt", "")), added)
+    new_events = [("received", received), *new_events]
     if part.not_felt:
-        happened.append(("not_felt", {"why": part.not_felt}))
+        new_events.append(("not_felt", {"why": part.not_felt}))
     figures = {"fell_back": False, "by_camera": False, **changed}
-    part = write_part(tx, part, happened, targets=added.get("targets", ()), new=True, figures=figures)
+    part = write_part(tx, part, new_events, targets=added.get("targets", ()), new=True, figures=figures)
     _keep_files(tx, part_id, added.get("evidence", ()))
     _claim_key(tx, added.get("idempotency"), part_id)
     return part
@@ -133,11 +133,11 @@ def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartR
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
         raise ConflictError(f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review")
-    part, happened, figures = _read(tx, replace(part, state=added["state"]), added)
+    part, new_events, figures = _read(tx, replace(part, state=added["state"]), added)
     if part.state is not PartState.ACCEPTED:  # nothing is left to audit
         figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
     _keep_files(tx, part_id, added.get("evidence", ()))
-    return write_part(tx, part, happened, targets=added.get("targets", ()), figures=figures)
+    return write_part(tx, part, new_events, targets=added.get("targets", ()), figures=figures)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -160,14 +160,14 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
                 part_by_id(tx, objection.of, lock=True)
                 add_events(tx, objection.of, [("serial_again", {"part": part.id, "text": last.text})])
     waits, by_touch = part.state is PartState.TOUCH_NEEDED, [r.source != "vision" for r in readings]
-    happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
+    new_events: list[Event] = [(READ, to_json(reading)) for reading in readings]
     if plan is not None or waits:
         # scans came after the camera's reading, because of it
         why = {} if plan is None else {"reason": plan.reason, "seconds": plan.seconds}
-        place = by_touch.index(True) if True in by_touch else len(happened)
-        happened.insert(place, ("touch_needed", why))
+        place = by_touch.index(True) if True in by_touch else len(new_events)
+        new_events.insert(place, ("touch_needed", why))
     if shadow is not None:
-        happened.append(("compared", to_json(shadow)))
+        new_events.append(("compared", to_json(shadow)))
     figures: dict[str, Any] = {}
     if waits or (any(by_touch) and (plan is not None or part.plan is not None)):
         figures["fell_back"] = True
@@ -181,7 +181,7 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
         last = readings[-1]
         part = replace(part, reading=last, text="" if waits else last.text)
         figures["by_camera"] = part.state is PartState.ACCEPTED and last.source == "vision"
-    return part, [*happened, *alarms], figures
+    return part, [*new_events, *alarms], figures
 
 
 def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) -> None:

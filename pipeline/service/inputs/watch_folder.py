@@ -113,9 +113,9 @@ class WatchedFolder:
         self.trouble = ""
         self._task: asyncio.Task[None] | None = None
         # files and sets as they stood at the last look, and since when
-        self._seen: dict[str, tuple[dict[str, FileStamp], float]] = {}
+        self._last_look: dict[str, tuple[dict[str, FileStamp], float]] = {}
         # keys of files that are read, or cannot be used
-        self._known: set[str] = set()
+        self._known_keys: set[str] = set()
         # keys of files that were there before the folder was watched; None until it is
         self._older: set[str] | None = None
         # keys of the files at the last look; None before, and while the folder cannot be looked at
@@ -176,16 +176,16 @@ class WatchedFolder:
         keys = {path: picture_key(path, stamp_of(status)) for path, status in now.items()}
         moved = {path: _moved_key(status) for path, status in now.items()}
         self._present = frozenset([*keys.values(), *moved.values()])
-        self._known &= self._present
+        self._known_keys &= self._present
         self._older = set(keys.values()) if self._older is None else self._older
-        before, self._seen, parts = self._seen, {}, list[WatchedPart]()
+        before, self._last_look, parts = self._last_look, {}, list[WatchedPart]()
 
         def is_new(files: Mapping[str, FileStamp]) -> bool:
-            return not all(self._known.intersection((keys[path], moved[path])) for path in files)
+            return not all(self._known_keys.intersection((keys[path], moved[path])) for path in files)
 
         for name, files in groups.items():
             stood, since_s = before.get(name, ({}, began_s))
-            self._seen[name] = files, since_s if stood == files else began_s
+            self._last_look[name] = files, since_s if stood == files else began_s
             settled = began_s - since_s >= self._settings.settle_s
             whole = name in now or len(files) == self._settings.photos
             # one whose end is missing may still be written
@@ -197,7 +197,7 @@ class WatchedFolder:
             parts.append(
                 WatchedPart(part_name, files, tuple(map(moved.__getitem__, files)), since_s, expected)
             )
-        self._known |= self._intake.store.known_keys(key for part in parts for key in part.key.files)
+        self._known_keys |= self._intake.store.known_keys(key for part in parts for key in part.key.files)
         new = (part for part in parts if is_new(part.files))
         return sorted(new, key=lambda part: (min(ns for _, ns in part.files.values()), part.name))
 
@@ -297,7 +297,7 @@ class WatchedFolder:
         except Exception as error:
             if not self._is_final(part, error, began_s):
                 return
-        self._known |= set(key.files)
+        self._known_keys |= set(key.files)
 
     def _is_final(self, part: WatchedPart, error: Exception, began_s: float) -> bool:
         why, key = str(error), part.key.key

@@ -149,7 +149,7 @@ class CameraWork:
         self._camera, self._timeout_s = camera, timeout_s
         self.thread = DriverThread("camera", timeout_s=timeout_s)
         # keys of the latest pictures taken, of which the store may not know yet
-        self._taken: deque[str] = deque(maxlen=1000)
+        self._taken_keys: deque[str] = deque(maxlen=1000)
 
     async def take(
         self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
@@ -189,7 +189,7 @@ class CameraWork:
             pictures = await self.thread.call_async(look)
             new = {path: stamp for path, stamp in pictures.items() if old.get(path) != stamp}
             keys = {picture_key(str(path), stamp): path for path, stamp in new.items()}
-            used = {*(await asyncio.to_thread(known, keys) if keys else ()), *self._taken}
+            used = {*(await asyncio.to_thread(known, keys) if keys else ()), *self._taken_keys}
             new = {path: new[path] for key, path in keys.items() if key not in used}
             if new and not set_of(next(iter(new)).name):
                 new = dict([next(iter(new.items()))])
@@ -200,12 +200,12 @@ class CameraWork:
             still = now_s - since_s >= (_SET_STILL_S if any(set_of(path.name) for path in new) else _STILL_S)
             if new and (late or still):
                 new_keys = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
-                self._taken.extend(new_keys)
+                self._taken_keys.extend(new_keys)
                 photos = await self.thread.call_async(partial(_copies_if_whole, new, folder, as_is=late))
                 if photos is not None:
                     return CameraPictures(photos, new_keys)
                 for key in new_keys:
-                    self._taken.remove(key)
+                    self._taken_keys.remove(key)
             elif late:
                 raise camera.missing(name, older=bool(pictures), waited_s=self._timeout_s)
             await asyncio.sleep(max(_LOOK_S, now_s - look_s))
