@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # colours of Okabe and Ito: distinct for colour-blind readers, and in grey
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
-STEEL, PALE, LAND = "#3b5b7a", "#a5b5c7", "#d9d4c7"
+STEEL, PALE = "#3b5b7a", "#a5b5c7"
 
 # decorator that gives drawing functions the common style
 styled = rc_context(

@@ -38,22 +38,20 @@ from pipeline.store.store import Store
 if TYPE_CHECKING:
     from pipeline.service.app import Service
 
+# members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
+# Without half surrogates, which never come out of UTF-8.
 HIDDEN = r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ue000-\uf8ff\ufeff\ufff9-\ufffb"
-"""Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
-
-Without half surrogates, which never come out of UTF-8.
-"""
 TEXT = f"^[^{HIDDEN}]*$"
 NOTE = f"^(?:[\\t\\n\\r]|[^{HIDDEN}])*$"
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 PictureName = Literal["photo", "edges", "boxes"]
+# columns of the table, and the field of a part's record that fills each
 COLUMNS = {
     "id": "id", "name": "name", "received": "created_at", "state": "state", "serial": "text",
     "read_by": "reading.source", "decision": "reading.decision", "confidence": "reading.confidence",
     "expected": "expected", "verdict": "reading.verdict", "line": "line", "job": "job", "database": "database",
     "reviewed_by": "review.who", "review": "review.action", "reviewed": "review.at", "note": "review.note",
 }  # fmt: skip
-"""Columns of the table, and the field of a part's record that fills each."""
 _AT_ONCE = 500
 _LASTING = "private, max-age=31536000, immutable"
 
@@ -100,7 +98,7 @@ def _text(description: str, **more: Any) -> Any:
     return Form(max_length=200, pattern=TEXT, description=description, **more)
 
 
-def _sought(description: str) -> Any:
+def _contains(description: str) -> Any:
     return Field("", max_length=200, pattern=TEXT, description=description)
 
 
@@ -124,30 +122,30 @@ Key = Annotated[
 ]
 
 
-class Sought(BaseModel):
+class PartFilter(BaseModel):
     """Filters of a list of parts; times without a zone are UTC."""
 
     model_config = ConfigDict(extra="forbid")
 
     state: PartState | None = None
-    text: str = _sought("text that the serial contains")
-    name: str = _sought("text that the name contains")
-    job: str = _sought("job that the part was read by")
-    line: str = _sought("line that the part comes from")
+    text: str = _contains("text that the serial contains")
+    name: str = _contains("text that the name contains")
+    job: str = _contains("job that the part was read by")
+    line: str = _contains("line that the part comes from")
     since: Time | None = Field(
         None, description="received since then: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
     )
     until: Time | None = Field(None, description="received before this time", examples=["2026-11-22"])
 
 
-class SoughtPage(Sought):
+class PartPage(PartFilter):
     """A page of a list of parts."""
 
     before: str | None = Field(None, max_length=64, pattern=TEXT, description="last id of the previous page")
     limit: int = Field(50, ge=1, le=500)
 
 
-def may(access: Access, *scopes: Scope) -> Any:
+def caller_with(access: Access, *scopes: Scope) -> Any:
     """The dependency of a route that only callers with one of the scopes may use."""
 
     def check(request: Request) -> Caller:
@@ -180,9 +178,9 @@ _REPLAYED: dict[int | str, dict[str, Any]] = {
 def parts_router(service: Service) -> APIRouter:
     """The routes of /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=PROBLEMS)
-    Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
+    Reads, Writes, Reviews = (caller_with(service.access, scope) for scope in Scope)
     # who sends a part may look up an answer that was lost
-    LooksUp = may(service.access, Scope.READ, Scope.WRITE)
+    LooksUp = caller_with(service.access, Scope.READ, Scope.WRITE)
     intake, store, files = service.intake, service.store, service.evidence
     root_path = service.settings.root_path
 
@@ -270,30 +268,30 @@ def parts_router(service: Service) -> APIRouter:
         return answer(intake.undo_review(part_id, caller.person(who)), root_path)
 
     @router.get("/parts")
-    def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = LooksUp) -> list[PartAnswer]:
+    def list_parts(filters: Annotated[PartPage, Query()], caller: Caller = LooksUp) -> list[PartAnswer]:
         """Parts, newest first.
 
         A token of the scope write alone gets the parts of one name, which it must give whole.
         """
         reads = Scope.READ in caller.scopes
-        if not reads and not folded(sought.name):
+        if not reads and not folded(filters.name):
             raise Problem(
                 403, "the scope write looks up parts by their whole name: give name, or a token to read"
             )
-        parts = store.parts(**sought.model_dump(), whole_name=not reads)
+        parts = store.parts(**filters.model_dump(), whole_name=not reads)
         return [answer(part, root_path) for part in parts]
 
     @router.get(
         "/parts.csv", response_class=StreamingResponse, responses={200: {"content": {"text/csv": {}}}}
     )
-    def table(sought: Annotated[Sought, Query()], caller: Caller = Reads) -> StreamingResponse:
+    def table(filters: Annotated[PartFilter, Query()], caller: Caller = Reads) -> StreamingResponse:
         """Parts as CSV, newest first."""
         # the first page is read before the answer begins, so that invalid filters are answered with a problem
-        first = store.parts(**sought.model_dump(), limit=_AT_ONCE)
+        first = store.parts(**filters.model_dump(), limit=_AT_ONCE)
         name = f"parts-{datetime.now(UTC):%Y-%m-%d}.csv"
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
         return StreamingResponse(
-            _lines(store, sought, first), media_type="text/csv; charset=utf-8", headers=headers
+            _lines(store, filters, first), media_type="text/csv; charset=utf-8", headers=headers
         )
 
     @router.get("/parts/{part_id}")
@@ -387,11 +385,11 @@ def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
     raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")
 
 
-def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterator[str]:
+def _lines(store: Store, filters: PartFilter, page: tuple[PartRecord, ...]) -> Iterator[str]:
     yield CSV_BEGIN + csv_line(COLUMNS)
     while page:
         yield "".join(csv_line(_cell(part, path) for path in COLUMNS.values()) for part in page)
-        page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE) if page else ()
+        page = store.parts(**filters.model_dump(), before=page[-1].id, limit=_AT_ONCE) if page else ()
 
 
 def _cell(value: Any, path: str) -> str:

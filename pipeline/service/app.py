@@ -126,7 +126,6 @@ class Ports:
 
     @property
     def trouble(self) -> str:
-        """Why an input brings no parts, in words; empty without a fault."""
         return "; ".join(port.trouble for port in self._inputs.values() if port.trouble)
 
     def renew_keys(self, *, before: datetime) -> bool:
@@ -141,8 +140,7 @@ class Ports:
 
     @contextlib.asynccontextmanager
     async def opened(self) -> AsyncIterator[None]:
-        """Open the inputs and send waiting results; on leaving, running work may finish. Raises OSError: an address is
-        not available."""
+        """Open the inputs and send waiting results; on leaving, running work may finish. Raises OSError."""
         async with contextlib.AsyncExitStack() as stack:
             self._dispatcher.start()
             # threads add results and reviews as well
@@ -173,16 +171,11 @@ class Service:
         machine: Machine | None = None,
         started_s: float | None = None,
     ) -> None:
-        """Open store and folders, and start to warm up the workers.
-
-        Args:
-            machine: limits that follow from the machine. Default: those of this machine.
-            started_s: start of the program, by the monotonic clock. Default: now.
+        """Open store and folders, and start to warm up the workers; `started_s` is by the monotonic clock.
 
         Raises:
             StoreError: the store cannot be opened.
-            FileError: a folder cannot be made, the evidence folder is not that of the services with the same store, or
-                a certificate or job cannot be used.
+            FileError: a folder cannot be made or belongs to another store, or a certificate or job cannot be used.
             SettingsError: a certificate does not fit program and settings, or the watched folder's job is missing.
         """
         self.settings = settings
@@ -190,7 +183,7 @@ class Service:
         machine = machine or Machine.of(workers.processes, settings.worker_memory_mb)
         self.upload_bytes = machine.upload_bytes
         self._started_s = time.monotonic() if started_s is None else started_s
-        self._said = ""
+        self._logged_why = ""
         self._checker = ThreadPoolExecutor(1)
         self._readiness: Future[tuple[str, dict[str, str]]] | None = None
         self.evidence = EvidenceFolder(settings.evidence_folder)
@@ -201,7 +194,7 @@ class Service:
         self.access = Access(self.store, required=settings.tokens_asked, own_user=settings.tokens == "auto")
         self.jobs = JobFolder(
             settings.job_files,
-            own=reading,
+            default=reading,
             databases=GlyphDatabases(settings.databases_folder, default=reading.database),
             needed=settings.watch.job,
             call=lambda *called: self.intake.calls.call_blocking(*called),
@@ -245,8 +238,7 @@ class Service:
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     async def readiness(self) -> tuple[str, dict[str, str]]:
-        """Reason why parts cannot be read (empty if they can; without paths, as callers need no token), and the answer
-        of /readyz.
+        """Reason why parts cannot be read, without paths (empty if they can), and the answer of /readyz.
 
         It comes within `READY_S`, also if the store is locked: one check runs at a time, and later callers wait for it.
         """
@@ -255,9 +247,9 @@ class Service:
         checked, _ = await asyncio.wait([asyncio.wrap_future(self._readiness)], timeout=READY_S)
         silent = f"store or disk have not answered for {READY_S:g} s: locked, or too busy"
         why, state = checked.pop().result() if checked else (silent, {})
-        if why not in ("", self._said):
+        if why not in ("", self._logged_why):
             log.warning("not ready", why=why)
-        self._said = why
+        self._logged_why = why
         return without_folders(why), state
 
     def _check_readiness(self) -> tuple[str, dict[str, str]]:
@@ -317,7 +309,6 @@ class Service:
         self.intake.on_result()
 
     def drain(self) -> None:
-        """Refuse new parts and report it at /readyz; parts in progress are finished."""
         self.intake.draining = True
 
     def sweep(self) -> None:
@@ -339,7 +330,6 @@ class Service:
 
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
-        """Run everything beside the requests."""
         log_failed_accepts_sparingly()
         works = [
             repeat("sweep", lambda: asyncio.to_thread(self.sweep), every_s=SWEEP_EVERY_S),

@@ -34,8 +34,8 @@ __all__ = ["Client", "ServiceError"]
 
 T = TypeVar("T")
 Which = Literal["photo", "edges", "boxes"]
+# path of a file, or its content as bytes
 Source = Path | str | bytes
-"""Path of a file, or its content as bytes."""
 _BUSY = (429, 502, 503, 504)
 _FIRST_WAIT_S = 0.25
 _LONGEST_WAIT_S = 20.0

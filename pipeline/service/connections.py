@@ -13,16 +13,16 @@ from typing import Any, Protocol, TypeVar
 
 from glyphs.plain_text import visible
 
+# seconds between two lines of the log of one kind
 LOG_EVERY_S = 10.0
-"""Seconds between two lines of the log of one kind."""
+# seconds within which a caller must read an answer
 WRITE_S = 30.0
-"""Seconds within which a caller must read an answer."""
+# connections that the system holds until they are accepted; asyncio logs as many errors for each failed accept
 BACKLOG = 256
-"""Connections that the system holds until they are accepted; asyncio logs as many errors for each failed accept."""
+# maximum number of kinds that are remembered: callers may invent addresses
 _MOST_KINDS = 1000
-"""Maximum number of kinds that are remembered: callers may invent addresses."""
+# open files and connections that the process allows itself, if the system does
 _DESCRIPTORS = 8192
-"""Open files and connections that the process allows itself, if the system does."""
 MOST_CONNECTIONS = 1000
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _log = logging.getLogger(__name__)
@@ -42,7 +42,6 @@ class SparingLog(logging.Handler):
         self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}")
 
     def say(self, kind: str, message: str) -> None:
-        """Log a message, unless one of its kind was logged just now."""
         now = time.monotonic()
         if now - self._last_s.get(kind, -LOG_EVERY_S) < LOG_EVERY_S:
             return
@@ -57,14 +56,19 @@ class Connection(Protocol):
 
     @property
     def block(self) -> str:
-        """Its caller, as in `address_block`."""
+        """See `address_block`."""
 
     @property
     def heard_s(self) -> float:
-        """Time of the last bytes from the caller, by a monotonic clock."""
+        """Time of the last bytes from the caller, by the monotonic clock, s."""
 
 
 C = TypeVar("C", bound=Connection)
+
+
+def peer_address(transport: asyncio.BaseTransport | asyncio.StreamWriter) -> str:
+    """Address of the other end; empty if it has gone."""
+    return str((transport.get_extra_info("peername") or ("",))[0])
 
 
 def address_block(address: str) -> str:

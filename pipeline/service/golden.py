@@ -31,8 +31,7 @@ class GoldenPart:
         self._every = timedelta(hours=settings.every_h)
 
     async def measure(self, sent: Upload, *, reference: bool) -> GoldenRecord:
-        """Measure a scan, and store the result. Raises Problem: 409 where no golden part is set up; 422 for a file that
-        is no scan of it."""
+        """Measure and store a scan. Raises Problem: 409, no golden part is set up; 422, the file is no scan of it."""
         if self._relief is None:
             raise Problem(
                 409, 'no golden part is set up; name its relief: relief = "golden.npz" under [service.golden]'

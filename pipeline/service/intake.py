@@ -47,6 +47,7 @@ from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.triage import ReadPart, agreement_of
 from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
+from pipeline.service.tasks import start
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, stopping
 from pipeline.service.web.uploads import Upload
@@ -68,18 +69,17 @@ log = structlog.get_logger("tactile-marks")
 class Touch(StrEnum):
     """Choice of the stage or the sender to feel a part, if the camera is unsure."""
 
+    # the service's stage, on a later request; without a stage the part goes to a person
     ASKED = "asked"
-    """The service's stage, on a later request; without a stage the part goes to a person."""
+    # the service's stage, at once; without a stage the part goes to a person
     STAGE = "stage"
-    """The service's stage, at once; without a stage the part goes to a person."""
+    # the sender, by the plan in the answer
     PLAN = "plan"
-    """The sender, by the plan in the answer."""
 
 
 @dataclass(frozen=True)
 class NewPart:
-    """A part beside its files; an empty database or job is the service's own. Raises HiddenCharacterError: its name
-    or expected text has hidden characters."""
+    """A part beside its files; job: empty for the service's own settings. Raises HiddenCharacterError."""
 
     name: str = ""
     expected: str = ""
@@ -107,7 +107,7 @@ class Intake:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
         on_review: called with every part that a person has decided, in any thread.
-        targets: of results: webhook, mqtt; none in shadow mode.
+        targets: webhook, mqtt; none in shadow mode.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class Intake:
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         # a lock lives as long as a request that holds it or waits for it
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
-        self._announcing: set[asyncio.Future[None]] = set()
+        self._announcing: set[asyncio.Future[Any]] = set()
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
         self.on_review: Callable[[PartRecord], object] = lambda _: None
@@ -155,7 +155,6 @@ class Intake:
             shutil.rmtree(folder, ignore_errors=True)
 
     def can_read(self, job: str) -> bool:
-        """Whether parts of a job can be read now."""
         return self.calls.pool.retry_after_s() is None and not self.calls.trouble(job)
 
     async def receive(
@@ -171,8 +170,8 @@ class Intake:
         """Read a new part.
 
         Args:
-            call: the call that brings the part, while which it may be felt.
-            keep_unreadable: if the files cannot be read, a person gets the part; otherwise the sender gets the Problem.
+            call: the call that brings the part, during which it may be felt.
+            keep_unreadable: a person gets the part if its files cannot be read; otherwise the sender gets the Problem.
             unreadable: why the files cannot even be taken; a person gets the part without them.
 
         Raises:
@@ -220,8 +219,7 @@ class Intake:
     async def add_scan(
         self, part_id: str, scan: Upload, *, idempotency: IdempotencyKey | None = None
     ) -> Received:
-        """Read a part again with its scan, fused with the camera's reading. Raises Problem: as in `receive`; the
-        part does not exist, or a person has reviewed it."""
+        """Read a part again, with its scan and photographs. Raises Problem: as in `receive`, or it is reviewed."""
 
         async def work() -> PartRecord:
             part = await self._unreviewed_part(part_id)
@@ -277,10 +275,9 @@ class Intake:
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
-        """Do the work of a request once, however often it is sent; while it is done, the same request waits for it.
+        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile.
 
-        The store knows what other processes did, or this one before it was restarted. Raises Problem: the key is
-        another request's.
+        The store knows what other processes have done. Raises Problem: the key is another request's.
         """
         if idempotency is None:
             return Received(await work())
@@ -447,10 +444,10 @@ class Intake:
 
     # ----------------------------------------------------------------------------------------------------- answer
 
-    def review(self, part_id: str, person: Person, **said: Any) -> PartRecord:
+    def review(self, part_id: str, person: Person, **answer: Any) -> PartRecord:
         """Store a person's review of a part, and publish the part; arguments as in `Store.review`."""
         part = self.store.review(
-            part_id, person=person, targets=self.targets, readers=self.policy.readers, **said
+            part_id, person=person, targets=self.targets, readers=self.policy.readers, **answer
         )
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
@@ -459,7 +456,6 @@ class Intake:
         return part
 
     def undo_review(self, part_id: str, person: Person) -> PartRecord:
-        """Undo a person's own review."""
         part = self.store.undo_review(part_id, person=person, targets=self.targets)
         self.on_result()
         return part
@@ -468,9 +464,7 @@ class Intake:
         self.on_result()
         felt_at_once = part.touch is not None and part.touch.by_stage
         if self.on_part is not None and not felt_at_once:
-            announcing = asyncio.ensure_future(self.on_part(part))
-            self._announcing.add(announcing)  # a task without a reference may be garbage-collected
-            announcing.add_done_callback(self._announcing.discard)
+            start(self.on_part(part), self._announcing)
         self.metrics.parts.labels(part.state.value).inc()
 
 

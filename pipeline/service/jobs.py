@@ -32,9 +32,9 @@ from pipeline.reading.drift import EVERY, DriftWatch, watch_of
 from pipeline.reading.readers import check_job, check_line
 from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 
+# seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back.
+# After that its removal counts as meant.
 MOST_AWAY_S = 3600.0
-"""Seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back. After
-that its removal counts as meant."""
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
 _OF_THE_SERIAL = {"format", "lexicon", "region", "line"}
 _NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}
@@ -72,7 +72,6 @@ class RecentFiles:
         raise Problem(422, f"there is no {self._what} {name[:100]!r}; {there}")
 
     def usable(self, names: Iterable[str]) -> list[str]:
-        """Those of the names whose file can be used, as far as is known."""
         return list(names)
 
 
@@ -98,7 +97,6 @@ class GlyphDatabases(RecentFiles):
             )
 
     def listed(self) -> list[dict[str, Any]]:
-        """Name of each, and whether it is the default."""
         default = None if self._default is None else self._default.absolute()
         return [{"name": name, "default": path.absolute() == default} for name, path in self.files().items()]
 
@@ -118,7 +116,7 @@ class JobAnswer:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _CheckedJob:
     state: FileStamp
     job: JobFile | None
     watch: DriftWatch | None
@@ -130,18 +128,13 @@ def _call_here(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 class JobFolder(RecentFiles):
-    """Jobs by name. Threads may share it.
-
-    Attributes:
-        lock: held while a job is changed from its present content; reading parts does not need it.
-        call: calls a function in a worker, as `call(check_job, path, written)`; raises Problem if it cannot.
-    """
+    """Jobs by name; threads may share it. `lock` is held while a job is changed from its present content."""
 
     def __init__(
         self,
         folder: Path,
         *,
-        own: ReadSettings,
+        default: ReadSettings,
         databases: GlyphDatabases | None = None,
         needed: str = "",
         call: Callable[..., Any] = _call_here,
@@ -151,17 +144,17 @@ class JobFolder(RecentFiles):
         Args:
             databases: glyph databases that a job may name (default: those in the jobs' folder).
             needed: job that the service's own settings name; a missing file of it is expected to come back.
-            call: calls a function in a worker (default: in this process).
+            call: calls a function in a worker, or raises Problem (default: in this process).
 
         Raises:
             SettingsError: settings name a certificate that is not valid for them.
         """
         super().__init__(folder, SUFFIX, "job", needed=needed)
-        self.own = own
+        self.default = default
         self.databases = databases or GlyphDatabases(folder)
         # the service's own settings are the job without a name; each change is one operation of the dict, so
         # threads need no lock
-        self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), watch_of(own))}
+        self._checked = {"": _CheckedJob((0, 0), JobFile("", default, {}, ""), watch_of(default))}
         self.lock = threading.RLock()
         self.call = _call_here  # workers start later
         for name in self.files():
@@ -173,13 +166,12 @@ class JobFolder(RecentFiles):
         return self._job(name).settings
 
     def watch(self, name: str) -> DriftWatch | None:
-        """The drift watch of a job; None for one that is not certified."""
-        known = self._known.get(name)
+        known = self._checked.get(name)
         return None if known is None else known.watch
 
     def drifts(self) -> dict[str, str | None]:
         """Drift message of each certified job, empty without drift; None if too few parts were read."""
-        watches = {name: known.watch for name, known in sorted(self._known.copy().items())}
+        watches = {name: known.watch for name, known in sorted(self._checked.copy().items())}
         return {
             name: watch.message() if watch.parts >= EVERY else None
             for name, watch in watches.items()
@@ -188,7 +180,6 @@ class JobFolder(RecentFiles):
 
     @property
     def drift(self) -> str:
-        """Drift messages of all certified jobs; empty without drift."""
         return "; ".join(f"job {name}: {why}" if name else why for name, why in self.drifts().items() if why)
 
     def listed(self) -> list[JobAnswer]:
@@ -207,8 +198,7 @@ class JobFolder(RecentFiles):
         return jobs[name]
 
     def written(self, name: str) -> dict[str, Any] | None:
-        """Content of a job's file, with lines as `ReadSettings.line`; None without a file. Raises Problem: the file
-        cannot be used."""
+        """Content of a job's file, with whole lines; None without a file. Raises Problem: the file cannot be used."""
         if name not in self.files():
             return None
         job = self._job(name)
@@ -243,13 +233,12 @@ class JobFolder(RecentFiles):
                 temporary.write_text(text, encoding="utf-8")
             state = stamp_of(path.stat())
             job = replace(job, written=tomllib.loads(text), sha256=sha256(text.encode()).hexdigest())
-            self._known[name] = _Known(state, job, watch)
+            self._checked[name] = _CheckedJob(state, job, watch)
         log.info("job", job=name, sha256=job.sha256)
         return new
 
     def delete(self, name: str) -> None:
-        """Delete a job. Raises Problem: 404 without one, 409 if the watched folder uses it. OSError: its file cannot
-        be removed."""
+        """Delete a job. Raises Problem: 404 without one, 409 if the watched folder uses it. OSError: it stays."""
         path = self.files().get(name)
         if path is None:
             raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
@@ -258,29 +247,28 @@ class JobFolder(RecentFiles):
         with self.lock:
             path.unlink(missing_ok=True)
             self._seen_s.pop(name, None)  # it is not expected back
-            self._known.pop(name, None)
+            self._checked.pop(name, None)
         log.info("job deleted", job=name)
 
     def usable(self, names: Iterable[str]) -> list[str]:
-        """Those of the names whose file can be used, as far as is known."""
-        return [name for name in names if name not in self._known or self._known[name].job is not None]
+        return [name for name in names if name not in self._checked or self._checked[name].job is not None]
 
     def _job(self, name: str) -> JobFile:
         if name:
             self.find(name)
-        known = self._refresh(name) if name else self._known[name]
+        known = self._refresh(name) if name else self._checked[name]
         if known is None or known.job is None:
             why = "its file is gone" if known is None else known.problem
             raise OwnProblem(f"the job {name} cannot be used: {why}")
         return known.job
 
-    def _refresh(self, name: str) -> _Known | None:
+    def _refresh(self, name: str) -> _CheckedJob | None:
         path = self.folder / f"{name}{SUFFIX}"
-        before = self._known.get(name)
+        before = self._checked.get(name)
         try:
             state = stamp_of(path.stat())
         except OSError:
-            self._known.pop(name, None)
+            self._checked.pop(name, None)
             return None
         if before is not None and before.state == state:
             return before
@@ -293,11 +281,11 @@ class JobFolder(RecentFiles):
         except MarksError as error:
             problem = without_folders(str(error))
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
-            checked = replace(before or _Known(state, None, None), state=state, problem=problem)
+            checked = replace(before or _CheckedJob(state, None, None), state=state, problem=problem)
         else:
             log.info("job", job=name, sha256=job.sha256)
-            checked = _Known(state, job, watch)
-        self._known[name] = checked
+            checked = _CheckedJob(state, job, watch)
+        self._checked[name] = checked
         return checked
 
 
@@ -321,8 +309,7 @@ def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, D
 
 
 def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
-    """Convert requested settings to those of a job's file. Raises Problem: invalid settings, or a file of the service's
-    machine."""
+    """Convert requested settings to those of a job's file. Raises Problem: they are invalid, or name a file."""
     if not isinstance(body, dict):
         raise Problem(422, "the body is not a JSON object of settings")
     try:
@@ -340,8 +327,7 @@ def written_job(jobs: JobFolder, body: Any) -> dict[str, Any]:
 
 
 def text_to_edit(jobs: JobFolder, name: str) -> str:
-    """The settings of a job as text, files without paths; empty if its file cannot be used. Raises Problem: 404, no
-    such job."""
+    """A job as text, files without paths; empty if its file cannot be used. Raises Problem: 404, no such job."""
     try:
         written = jobs.written(name)
     except Problem:
@@ -352,8 +338,7 @@ def text_to_edit(jobs: JobFolder, name: str) -> str:
 
 
 def save_edited(jobs: JobFolder, name: str, text: str, *, before: str) -> None:
-    """Save the text of a job; files that it already names may stay. Raises Problem: no such job, changed meanwhile, or
-    invalid."""
+    """Save the text of a job; files that it already names may stay. Raises Problem: changed meanwhile, or invalid."""
     with jobs.lock:
         if text_to_edit(jobs, name) != before:
             raise Problem(409, f"the job {name} has changed meanwhile; load the page again")
@@ -381,9 +366,8 @@ def teach(
     """Add a line that a person has marked to a job; a new job starts with the service's own fonts and thresholds.
 
     Args:
-        line: the line, without a name for the serial.
-        height_mm: height of the serial's characters; None to measure it.
-        database: glyph database of the serial; empty for none.
+        line: without a name for the serial.
+        height_mm: of the serial's characters; None to measure it.
         replace: whether a line of that name may stand there already.
 
     Raises:
@@ -400,7 +384,7 @@ def teach(
     with jobs.lock:
         written = jobs.written(name)
         if written is None:
-            settings = with_whole_paths(jobs.own, Path())
+            settings = with_whole_paths(jobs.default, Path())
             written = settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
         lines = {line.name: line for line in map(NamedLine.parse, written.get("line", ()))}
         taken = (written.get("format") or written.get("region")) if serial else line.name in lines

@@ -14,8 +14,8 @@ from pathlib import Path
 from glyphs.errors import MarksError
 
 _SERVES = re.compile(r"serves at (http://\S+)")
+# the first start on a machine compiles the kernels
 START_PATIENCE_S = 120.0
-"""The first start on a machine compiles the kernels."""
 _END_PATIENCE_S = 30.0
 
 
@@ -35,11 +35,7 @@ class ServiceProcess:
 
 @contextlib.contextmanager
 def service_process(folder: Path, *options: str) -> Iterator[ServiceProcess]:
-    """Start `tactile-marks serve` on a free port; on leaving, end it. Raises NotServingError: it is not ready to read
-    in time.
-
-    Its log is `service.log` in the folder.
-    """
+    """Run `tactile-marks serve` on a free port; its log is `service.log` in the folder. Raises NotServingError."""
     folder.mkdir(parents=True, exist_ok=True)
     log, until = folder / "service.log", time.monotonic() + START_PATIENCE_S
     command = [sys.executable, "-m", "pipeline", "serve", "--port", "0", "--folder", str(folder), *options]

@@ -16,7 +16,7 @@ from pipeline.common.job_file import NAME
 from pipeline.common.people_records import AuditFigures
 from pipeline.common.records import Scope, Statistics
 from pipeline.common.settings import ReadSettings
-from pipeline.service.api import may
+from pipeline.service.api import caller_with
 from pipeline.service.jobs import JobAnswer, written_job
 from pipeline.service.web.access import Caller
 from pipeline.service.web.problem import PROBLEMS, Problem
@@ -48,7 +48,7 @@ class GoldenAnswer(GoldenRecord):
 def service_router(service: Service) -> APIRouter:
     """The routes; the first three need no token."""
     router = APIRouter(route_class=FormRoute, responses=PROBLEMS)
-    Reads, Writes, Reviews = (may(service.access, scope) for scope in Scope)
+    Reads, Writes, Reviews = (caller_with(service.access, scope) for scope in Scope)
     store, jobs, golden = service.store, service.jobs, service.golden
 
     @router.get("/healthz", tags=["service"])

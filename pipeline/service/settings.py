@@ -110,10 +110,10 @@ class ReviewMode(StrEnum):
     """Modes of review; all but OPEN are blind: they show the pictures, but no reading."""
 
     OPEN = "open"
+    # after another reader, with whom the result must agree
     SECOND = "second"
-    """After another reader, with whom the result must agree."""
+    # an accepted part, drawn at random
     AUDIT = "audit"
-    """An accepted part, drawn at random."""
 
 
 class ReviewSettings(Settings):
@@ -127,7 +127,6 @@ class ReviewSettings(Settings):
 
     @property
     def readers(self) -> int:
-        """Number of people that must read the same before a part is reviewed."""
         return 2 if self.second_reader else 1
 
     def draw_audit(self) -> bool:
@@ -247,7 +246,6 @@ class MqttSettings(Settings):
 
     @property
     def prefix(self) -> str:
-        """First level of the topics."""
         return unquote(urlsplit(self.url).path).lstrip("/") or "tactile-marks"
 
 
@@ -395,7 +393,6 @@ class ServiceSettings(Settings):
 
     @property
     def tokens_asked(self) -> bool:
-        """Whether all requests need a token."""
         return self.tokens == "on" or (self.tokens == "auto" and not self.on_loopback)
 
     @property
@@ -408,7 +405,6 @@ class ServiceSettings(Settings):
 
     @property
     def databases_folder(self) -> Path:
-        """Folder of the glyph databases (.glyphs) that requests may choose from."""
         return self.folder / "databases"
 
     @property

@@ -1,14 +1,23 @@
-"""Tasks of the event loop: endlessly repeated work, and an end with a time limit."""
+"""Tasks of the event loop: in the background, endlessly repeated, and ended within a time limit."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Collection
-from typing import Any
+from typing import Any, TypeVar
 
 import structlog
 
+T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
+
+
+def start(work: Awaitable[T], running: set[asyncio.Future[Any]]) -> asyncio.Future[T]:
+    """Start work, kept among the `running` until it is done: a task without a reference may be garbage-collected."""
+    task = asyncio.ensure_future(work)
+    running.add(task)
+    task.add_done_callback(running.discard)
+    return task
 
 
 async def repeat(what: str, work: Callable[[], Awaitable[object]], *, every_s: float) -> None:
@@ -24,7 +33,7 @@ async def repeat(what: str, work: Callable[[], Awaitable[object]], *, every_s: f
         await asyncio.sleep(every_s)
 
 
-async def end_tasks(tasks: Collection[asyncio.Task[Any]], *, grace_s: float = 0.0) -> None:
+async def end_tasks(tasks: Collection[asyncio.Future[Any]], *, grace_s: float = 0.0) -> None:
     """Give tasks time to end by themselves, then cancel them."""
     ending = list(tasks)
     if ending and grace_s:

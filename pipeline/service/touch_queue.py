@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
     from pipeline.store.store import Store
 
+# time between two attempts at a part, s
 RETRY_S = 15.0
-"""Time between two attempts at a part, s."""
+# attempts in progress, requested ones included, from which the queue starts no further one; a real stage feels
+# one part at a time anyway
 AT_ONCE = 4
-"""Attempts in progress, requested ones included, from which the queue starts no further one; a real stage feels one
-part at a time anyway."""
 NOBODY = "nobody has felt it in time"
 STOPPED = "the service was stopped before the stage had felt it"
 log = structlog.get_logger("tactile-marks")
@@ -79,12 +79,10 @@ class TouchQueue:
         return f"{parts} is given up in {left_s:.0f} s; its page and the log say why"
 
     def until(self) -> datetime:
-        """Deadline of a part that starts to wait now."""
         return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
     async def attempt(self, part: PartRecord, call: TouchCall = NO_LIMIT) -> PartRecord:
-        """Feel a part that is known to lie under the whiskers, or wait for the running attempt; return the part
-        afterwards. Raises Problem, StageError: it could not be felt."""
+        """Feel a part under the whiskers, or wait for the running attempt. Raises Problem, StageError: not felt."""
         attempt = self._attempts.get(part.id)
         if attempt is None:
             attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id, call))

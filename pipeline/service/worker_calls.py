@@ -41,10 +41,10 @@ log = structlog.get_logger("tactile-marks")
 CHECK_S = 10.0
 # Seconds that it may wait for a worker; a part takes a second or two.
 FREE_S = 5.0
+# seconds between two checks of unusable files that have not changed: the cause may have passed
 UNCHANGED_S = 60.0
-"""Seconds between two checks of unusable files that have not changed: the cause may have passed."""
+# workers lost in a row after which the service is not ready, until a worker has read a clean part
 MOST_LOST = 2
-"""Workers lost in a row after which the service is not ready, until a worker has read a clean part."""
 
 
 @dataclass
@@ -61,7 +61,6 @@ class WorkerCalls:
 
     @property
     def troubles(self) -> dict[str, str]:
-        """Faults of jobs and databases that callers have named, by name."""
         return {job or database: why for (job, database), why in self._troubles.items() if job or database}
 
     def trouble(self, job: str) -> str:
@@ -122,11 +121,7 @@ class WorkerCalls:
         database: str,
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
     ) -> ReadPart:
-        """Read a part in a worker.
-
-        Args:
-            part: its files; the settings are those of the job.
-            felt_by: stage and order, to feel the part pass by pass while it is read.
+        """Read a part in a worker, with the settings of its job; `felt_by` is the stage that feels it meanwhile.
 
         Raises:
             StageError: nothing could be felt.
@@ -141,8 +136,8 @@ class WorkerCalls:
             return await self.call(read_on_stage, part, *felt_by, tries=1)
 
     async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
-        """Call a function in a worker; a lost worker is replaced, and the call repeated. Raises Problem: a full
-        queue, unusable files, lost workers."""
+        """Call a function in a worker, again if that is lost. Raises Problem: full queue, unusable files, lost
+        workers."""
         for lost in range(1, tries + 1):
             try:
                 return await self._call_once(function, *arguments)

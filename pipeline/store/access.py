@@ -42,8 +42,7 @@ def add_token(
     *,
     expires_at: datetime | None = None,
 ) -> str:
-    """Make a token and return its secret, which is kept nowhere. Raises ConflictError: the name was given before,
-    perhaps spelled otherwise; a revoked token keeps its name."""
+    """Make a token and return its secret, which is kept nowhere. Raises ConflictError: the name is taken, or was."""
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
         raise UnfitError("a token without a scope allows nothing", hint=f"give some of {', '.join(Scope)}")

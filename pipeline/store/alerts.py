@@ -53,7 +53,7 @@ def look_for_alerts(
         limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
         window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
         drifts: how parts differ from the certified ones, by job; empty if they do not, None if not known yet.
-        others: the same for other alerts, by the alert's name.
+        others: the same by the alert's name.
     """
     latest = tx.execute(
         sa.select(parts.c.id, parts.c.state, parts.c.rejected)
@@ -76,9 +76,9 @@ def look_for_alerts(
 
     def send(alert: AlertRecord, state: str) -> None:
         # sent as a message about the part that raised it: messages about one part arrive in order
-        told = {"alert": alert.name, "state": state, "message": alert.message, "part_id": alert.part_id}
-        told |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
-        put_in_outbox(tx, alert.part_id, targets, told)
+        payload = {"alert": alert.name, "state": state, "message": alert.message, "part_id": alert.part_id}
+        payload |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
+        put_in_outbox(tx, alert.part_id, targets, payload)
 
     faults = {
         REJECT_RATE: rate(REJECT_RATE, sum(row.rejected for row in latest)),

@@ -51,7 +51,6 @@ class Backup:
     Attributes:
         sha256: of its store.db; kept elsewhere, it shows whether a backup was changed.
         last_delivery: highest number that any delivery has had.
-        files, n_bytes: number and bytes of evidence files.
         lost: hashes of files that were missing or damaged when it was made.
     """
 
@@ -66,8 +65,8 @@ class Backup:
 
 
 def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
-    """Copy a store and its files into a folder that is not there yet; the service may run. Raises FileError: the
-    folder is there already, is being written by another, or cannot be written."""
+    """Copy a store and its files into a new folder; the service may run. Raises FileError: it is there, or cannot be
+    written."""
     if to.exists():
         raise FileError(to, "is there already", "name a new folder for every backup")
     partial = to.with_name(to.name + ".partial")

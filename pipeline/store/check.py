@@ -41,7 +41,6 @@ class Fault(StrEnum):
     todo: str
 
     def __new__(cls, name: str, todo: str) -> Self:
-        """Make a kind of fault from its name and remedy."""
         fault = str.__new__(cls, name)
         fault._value_, fault.todo = name, todo
         return fault
@@ -83,7 +82,6 @@ class CheckReport:
 
     @property
     def well(self) -> bool:
-        """Whether no finding needs an action."""
         return not any(n for fault, n in self.counts.items() if fault is not Fault.ORPHANS)
 
 
@@ -110,12 +108,15 @@ def _check_database(store: Store, report: CheckReport) -> None:
 
 def _check_parts(store: Store, report: CheckReport) -> None:
     for tx, rows in _pages(store):
-        happened = _by_part(tx, rows, events)
+        history: dict[str, list[AnyRow]] = {}
+        of_page = sa.select(events).where(events.c.part_id.between(rows[0].id, rows[-1].id))
+        for event in tx.execute(of_page.order_by(events.c.id)):
+            history.setdefault(event.part_id, []).append(event)
         for row in rows:
             report.parts += 1
             try:
                 part = from_json(PartRecord, row.record)
-                wrong = _not_derived(part, row, happened.get(row.id, []))
+                wrong = _not_derived(part, row, history.get(row.id, []))
             except ValueError:
                 report.add(Fault.DERIVED, row.id, "its record or its history cannot be read")
                 continue
@@ -138,25 +139,15 @@ def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
             after = rows[-1].id
 
 
-def _by_part(tx: Transaction, rows: Sequence[AnyRow], *tables: sa.Table) -> dict[str, list[AnyRow]]:
-    of_part: dict[str, list[AnyRow]] = {}
-    for table in tables:
-        columns = [column for column in table.c if column.name != "gone"]
-        mine = sa.select(*columns).where(table.c.part_id.between(rows[0].id, rows[-1].id))
-        for row in tx.execute(mine.order_by(table.c.id)):
-            of_part.setdefault(row.part_id, []).append(row)
-    return of_part
-
-
-def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[str]:
+def _not_derived(part: PartRecord, row: AnyRow, history: Sequence[AnyRow]) -> list[str]:
     wrong = [name for name, value in search_columns(part).items() if getattr(row, name) != value]
-    last = {event.kind: event.data for event in happened}
+    last = {event.kind: event.data for event in history}
     received = last.get("received", {})
-    wanted = {name: received.get(name) for name in ("name", "expected", "database", "job")}
+    due_values = {name: received.get(name) for name in ("name", "expected", "database", "job")}
     # compared as records: after an update the part's row is written in the new form, its events are not
-    wanted["reading"] = from_json(ReadingRecord, last[READ]) if READ in last else None
-    wanted["review"] = from_json(ReviewRecord, last[REVIEWED]) if REVIEWED in last else None
-    return wrong + [name for name, value in wanted.items() if getattr(part, name) != value]
+    due_values["reading"] = from_json(ReadingRecord, last[READ]) if READ in last else None
+    due_values["review"] = from_json(ReviewRecord, last[REVIEWED]) if REVIEWED in last else None
+    return wrong + [name for name, value in due_values.items() if getattr(part, name) != value]
 
 
 def _check_outbox(store: Store, report: CheckReport) -> None:
@@ -178,7 +169,7 @@ def _check_files(store: Store, files: EvidenceFolder, report: CheckReport, *, re
             fault = Fault.MISSING if state is FileState.MISSING else Fault.DAMAGED
             report.add(fault, sha256, f"is {state.value}: {files.path(sha256)}")
     orphans = 0
-    for names in files.kept(before_s=time.time() - _ORPHAN_S):
+    for names in files.hashes(before_s=time.time() - _ORPHAN_S):
         orphans += len(set(names) - store.needed_hashes(names))
     if orphans:
         report.add(Fault.ORPHANS, str(files.root), f"{orphans} files belong to no part", n=orphans)

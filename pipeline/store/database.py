@@ -94,7 +94,7 @@ class Transaction:
 
 
 def utc_now() -> datetime:
-    """The usual clock."""
+    """The present time, UTC."""
     return datetime.now(UTC)
 
 
@@ -117,10 +117,8 @@ class Database:
 
     @classmethod
     def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Self:
-        """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date.
-
-        Args:
-            as_it_is: neither make it nor bring it up to date.
+        """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date,
+        or with `as_it_is` change nothing.
 
         Raises:
             StoreError: it cannot be opened, or its version is not known; with `as_it_is` also one that is not there, or
@@ -193,9 +191,7 @@ class Database:
     def check_writable(self) -> None:
         """Check that parts can be written: by the database's state, and after a failed write by a write.
 
-        Raises:
-            UnwritableError: the database is read-only, or another program has locked the parts.
-            StoreError: it cannot be reached, or cannot be written for another reason.
+        Raises UnwritableError: it is read-only, or another program has locked the parts. StoreError: another reason.
         """
         failed = self.write_failed
         with self._write_transaction() as tx:  # of SQLite this tells whether the file can be written

@@ -7,12 +7,12 @@ from typing import Any
 
 from glyphs.errors import MarksError
 
+# longest serial, name of a part or of a person
 MAX_TEXT = 200
-"""Longest serial, name of a part or of a person."""
+# longest list given at once
 MAX_ROWS = 10_000
-"""Longest list given at once."""
+# longest note of a review
 MAX_NOTE = 4000
-"""Longest note of a review."""
 
 # no database holds NUL in a text, and UTF-8 has no half surrogates
 _UNFIT = re.compile("[\x00\ud800-\udfff]")

@@ -39,17 +39,17 @@ from pipeline.common.private import open_no_link, private_folder
 if TYPE_CHECKING:
     from pipeline.store.store import Store
 
+# maximum plausible time between two sweeps, seconds: a plant that stands still for a month
 MOST_GAP_S = 31 * 86_400.0
-"""Maximum plausible time between two sweeps, seconds: a plant that stands still for a month."""
+# maximum drift of the clock against the monotonic one between two sweeps, seconds: more is a leap, which would
+# make unfinished files look old
 MOST_DRIFT_S = 600.0
-"""Maximum drift of the clock against the monotonic one between two sweeps, seconds: more is a leap, which would make
-unfinished files look old."""
 _log = logging.getLogger(__name__)
 _HASH = re.compile(r"[0-9a-f]{64}")
 _BATCH = 200
 _PROBE_BYTES = 4096
+# minimum free space on the disk, bytes: with less a service is not ready, because the next upload may not fit
 LEAST_ROOM_BYTES = 64 << 20
-"""Minimum free space on the disk, bytes: with less a service is not ready, because the next upload may not fit."""
 
 
 class FileState(StrEnum):
@@ -94,14 +94,9 @@ class EvidenceFolder:
             )
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
-        """Move a file of `incoming` into the folder; the same content is stored once. Afterwards it survives a power
-        cut.
+        """Move a file of `incoming` into the folder, where it survives a power cut. Raises FileError: it cannot.
 
-        Returns:
-            Its SHA-256 in hexadecimal (computed if not given), and its length in bytes.
-
-        Raises:
-            FileError: it cannot be read or kept.
+        Returns its SHA-256 in hexadecimal (computed if not given), and its length in bytes.
         """
         with file_errors(path):
             with open_no_link(path) as stream:
@@ -164,8 +159,7 @@ class EvidenceFolder:
         return tuple(paths)
 
     def take(self, sha256: str, other: EvidenceFolder) -> FileState:
-        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`).
-        Raises FileError: it cannot be written."""
+        """Copy a file from another folder and return its state; the caller then flushes the disk (`os.sync`)."""
         target = self.path(sha256)
         if self.state(sha256) is FileState.WHOLE:
             return FileState.WHOLE
@@ -198,14 +192,13 @@ class EvidenceFolder:
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
-        """Remove leftovers of a crash: files that no part of the store needs, and everything in `incoming`; return
-        their number.
+        """Remove files that no part needs, and everything in `incoming`, which a crash has left; return their number.
 
         Files younger than `older_than_s` stay: they may still be written.
         """
         latest_s = time.time() - older_than_s
         n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
-        for names in self.kept(before_s=latest_s):
+        for names in self.hashes(before_s=latest_s):
             needed = store.needed_hashes(names)
             for name in names:
                 if name not in needed:
@@ -213,7 +206,7 @@ class EvidenceFolder:
                         n_removed += _remove_if_older(self.path(name), latest_s)
         return n_removed
 
-    def kept(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
+    def hashes(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
         """Hashes of the files kept before a time, in batches of some hundreds."""
         for folder in sorted(self._files.iterdir()):
             names = []
@@ -262,11 +255,9 @@ def file_errors(path: Path) -> Iterator[None]:
 
 @dataclass
 class SweepClock:
-    """Plausibility check of the clock before every sweep: a clock that jumps ahead must not make files look old.
+    """Check before every sweep that the clock has not jumped ahead, which would make files look old.
 
-    Attributes:
-        file: its own time is that of the last sweep; it need not be there.
-        trouble: why nothing is swept, without paths; empty if sweeping is allowed.
+    `file` has the time of the last sweep as its own; `trouble` says why nothing is swept, without paths.
     """
 
     file: Path

@@ -56,7 +56,6 @@ def find_parts(
         agreement: with the line's own reader, of parts read in shadow mode.
         would_be: state that they would have outside shadow mode.
         whole_name: the name is the whole one.
-        until: time from which on they are not wanted.
     """
     same = {"state": state, "agreement": agreement, "would_be": would_be, "job": job, "line": line}
     wanted = [parts.c[column] == fit(value, "what is sought") for column, value in same.items() if value]
@@ -94,11 +93,9 @@ def queue_length(tx: Transaction, *, audits: bool = False) -> int:
 def next_in_queue(
     tx: Transaction, after: str | None = None, *, person: Person | None = None, audits: bool = False
 ) -> PartRecord | None:
-    """The oldest part to review after that one, otherwise the oldest, otherwise None.
+    """The oldest part to review, or to audit, after that one, otherwise the oldest, otherwise None.
 
-    Args:
-        person: the reader; parts that another person has open or that need another reader are skipped.
-        audits: parts to be audited, not those to be reviewed.
+    Parts that another reader has open, or that need another reader than `person`, are skipped.
     """
     free = _IDS.where(_awaits(audits)).order_by(parts.c.id).limit(1)
     if person is not None:

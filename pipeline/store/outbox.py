@@ -61,9 +61,9 @@ def lease(
     query = query.order_by(due, outbox.c.id).limit(limit)
     # another may be about to lease them
     if rows := tx.execute(query.with_for_update(skip_locked=True)).all():
-        taken = sa.update(outbox).where(outbox.c.id.in_([row.id for row in rows]))
+        lease_all = sa.update(outbox).where(outbox.c.id.in_([row.id for row in rows]))
         ends = now + timedelta(seconds=min(lease_s, LONGEST_LEASE_S))
-        tx.execute(taken.values(owner=fit(owner, "the owner", limit=32), leased_until=ends))
+        tx.execute(lease_all.values(owner=fit(owner, "the owner", limit=32), leased_until=ends))
     return tuple(Delivery(row.id, row.target, row.part_id, row.payload, row.attempts) for row in rows)
 
 
@@ -84,8 +84,8 @@ def postpone(tx: Transaction, delivery_id: int, owner: str, *, error: str, wait_
         "error": cleaned(error)[:_MAX_ERROR],
         "due_at": tx.now + timedelta(seconds=min(wait_s, LONGEST_WAIT_S)),
     }
-    mine = sa.and_(outbox.c.id == delivery_id, outbox.c.owner == owner)
-    tx.execute(sa.update(outbox).where(mine).values(**later, **_FREE))
+    leased = sa.and_(outbox.c.id == delivery_id, outbox.c.owner == owner)
+    tx.execute(sa.update(outbox).where(leased).values(**later, **_FREE))
 
 
 def waiting_results(tx: Transaction) -> Mapping[str, WaitingResults]:

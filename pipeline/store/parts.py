@@ -51,8 +51,8 @@ from pipeline.store.tables import parts
 AUDIT_WAITS = "waiting"
 _SHA256 = re.compile("[0-9a-f]{64}")
 # begins the fingerprint of a key of a run or of files; those of requests are hexadecimal
-_KEPT = "kept "
-_OF_FILES = f"{_KEPT}files"
+_LASTING_KEY = "kept "
+_OF_FILES = f"{_LASTING_KEY}files"
 _LOCK = 0x5E81A1
 # number of parts among which those read with certainty are searched
 _LOOKED_BACK = 4 * WINDOW
@@ -70,9 +70,8 @@ class Added(TypedDict, total=False):
         touch: way in which a new part waits, with TOUCH_NEEDED.
         not_felt: reason why a new part is not felt though the camera is unsure.
         targets: targets to publish to, also that touch is needed.
-        shadow: comparison with the line's own reader, in shadow mode.
         audit: have a person read it as well, if it is accepted.
-        rules: checks of its serial, if it is accepted; with an objection a person gets it.
+        rules: checks of its serial, if it is accepted; a failed one sends it to review.
     """
 
     state: Required[PartState]
@@ -114,19 +113,19 @@ def add_part(
     part = PartRecord(
         id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **received
     )
-    part, happened, changed = _read(tx, replace(part, not_felt=added.get("not_felt", "")), added)
-    happened = [("received", received), *happened]
+    part, new_events, changed = _read(tx, replace(part, not_felt=added.get("not_felt", "")), added)
+    new_events = [("received", received), *new_events]
     if part.not_felt:
-        happened.append(("not_felt", {"why": part.not_felt}))
+        new_events.append(("not_felt", {"why": part.not_felt}))
     figures = {"fell_back": False, "by_camera": False, **changed}
-    part = write_part(tx, part, happened, targets=added.get("targets", ()), new=True, figures=figures)
+    part = write_part(tx, part, new_events, targets=added.get("targets", ()), new=True, figures=figures)
     _keep_files(tx, part_id, added.get("evidence", ()))
     _claim_key(tx, added.get("idempotency"), part_id)
     return part
 
 
 def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
-    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: the part was reviewed
+    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: it was reviewed
     meanwhile."""
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
@@ -134,11 +133,11 @@ def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartR
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
         raise ConflictError(f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review")
-    part, happened, figures = _read(tx, replace(part, state=added["state"]), added)
+    part, new_events, figures = _read(tx, replace(part, state=added["state"]), added)
     if part.state is not PartState.ACCEPTED:  # nothing is left to audit
         figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
     _keep_files(tx, part_id, added.get("evidence", ()))
-    return write_part(tx, part, happened, targets=added.get("targets", ()), figures=figures)
+    return write_part(tx, part, new_events, targets=added.get("targets", ()), figures=figures)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -161,14 +160,14 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
                 part_by_id(tx, objection.of, lock=True)
                 add_events(tx, objection.of, [("serial_again", {"part": part.id, "text": last.text})])
     waits, by_touch = part.state is PartState.TOUCH_NEEDED, [r.source != "vision" for r in readings]
-    happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
+    new_events: list[Event] = [(READ, to_json(reading)) for reading in readings]
     if plan is not None or waits:
         # scans came after the camera's reading, because of it
         why = {} if plan is None else {"reason": plan.reason, "seconds": plan.seconds}
-        place = by_touch.index(True) if True in by_touch else len(happened)
-        happened.insert(place, ("touch_needed", why))
+        place = by_touch.index(True) if True in by_touch else len(new_events)
+        new_events.insert(place, ("touch_needed", why))
     if shadow is not None:
-        happened.append(("compared", to_json(shadow)))
+        new_events.append(("compared", to_json(shadow)))
     figures: dict[str, Any] = {}
     if waits or (any(by_touch) and (plan is not None or part.plan is not None)):
         figures["fell_back"] = True
@@ -182,7 +181,7 @@ def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, 
         last = readings[-1]
         part = replace(part, reading=last, text="" if waits else last.text)
         figures["by_camera"] = part.state is PartState.ACCEPTED and last.source == "vision"
-    return part, [*happened, *alarms], figures
+    return part, [*new_events, *alarms], figures
 
 
 def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) -> None:
@@ -233,7 +232,7 @@ class IdempotencyKey:
     """Key by which a repeated request is recognised.
 
     Attributes:
-        key: key of the request, with its caller.
+        key: of the request, with its caller.
         fingerprint: hash of its content: another fingerprint under the same key is another request.
         files: keys of its files, which stand for its part from then on; one that stands for another part stays with it.
     """
@@ -245,7 +244,7 @@ class IdempotencyKey:
     @classmethod
     def of_run(cls, run: str, part: str, digest: str) -> IdempotencyKey:
         """The key of a part of a run; `run` hashes what all readings depend on, `digest` what the part's files hold."""
-        return cls(f"run {run} {digest} {part}", f"{_KEPT}{digest}")
+        return cls(f"run {run} {digest} {part}", f"{_LASTING_KEY}{digest}")
 
     @classmethod
     def of_files(cls, files: Iterable[str]) -> IdempotencyKey:
@@ -281,7 +280,7 @@ def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> 
 
 def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | None = None) -> int:
     """Delete keys of requests from before a time, and of files renewed before another; return their number."""
-    old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_KEPT}%"))
+    old = sa.and_(keys.c.at < before, keys.c.fingerprint.not_like(f"{_LASTING_KEY}%"))
     if files_before is not None:
         old = sa.or_(old, sa.and_(keys.c.at < files_before, keys.c.fingerprint == _OF_FILES))
     return tx.execute(sa.delete(keys).where(old)).rowcount

@@ -40,8 +40,7 @@ class PatientConnection(psycopg.Connection[tuple[Any, ...]]):
     silent_s: float | None = None
 
     def wait(self, gen: PQGen[T], *arguments: Any, **options: Any) -> T:
-        """Carry out a conversation with the server. Raises psycopg.OperationalError: it is silent; the connection is
-        closed."""
+        """Carry out a conversation. Raises psycopg.OperationalError: the server is silent; the connection is closed."""
         bounded = gen if self.silent_s is None else self._end_if_silent(gen, self.silent_s)
         return super().wait(bounded, *arguments, **options)
 

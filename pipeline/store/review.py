@@ -72,8 +72,10 @@ def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool
 
 def release_part(tx: Transaction, part_id: str, person: Person, *, until: datetime) -> None:
     """Release the claim that lasts until a time; nothing happens if it is another's, or was renewed since."""
-    mine = sa.and_(parts.c.id == part_id, parts.c.claim_holder == person.holder, parts.c.claim_until <= until)
-    tx.execute(sa.update(parts).where(mine).values(**_NOT_CLAIMED))
+    claim = sa.and_(
+        parts.c.id == part_id, parts.c.claim_holder == person.holder, parts.c.claim_until <= until
+    )
+    tx.execute(sa.update(parts).where(claim).values(**_NOT_CLAIMED))
 
 
 def claims(tx: Transaction) -> Mapping[str, ClaimRecord]:
@@ -121,7 +123,6 @@ def review(
     Args:
         text: the correct text; to confirm, the present text or an empty one.
         before: the text that the person saw.
-        readers: number of people that must agree, 1 or 2.
         audit: the person has not seen the accepted text; the part goes to review only if the two texts differ.
 
     Raises:
@@ -219,8 +220,8 @@ def half_reviewed(tx: Transaction) -> Mapping[str, int]:
 
 def has_opinion_of(person: Person) -> sa.ColumnElement[bool]:
     """Whether a person has read a part that waits for another's reading."""
-    mine = events.c.actor == signature(who=person.name, token=person.token)
-    return sa.exists().where(events.c.part_id == parts.c.id, mine, is_open_opinion()).correlate(parts)
+    by_person = events.c.actor == signature(who=person.name, token=person.token)
+    return sa.exists().where(events.c.part_id == parts.c.id, by_person, is_open_opinion()).correlate(parts)
 
 
 def is_open_opinion() -> sa.ColumnElement[bool]:

@@ -83,7 +83,7 @@ def _how_right(part: PartRecord) -> dict[str, Any]:
 def write_part(
     tx: Transaction,
     part: PartRecord,
-    happened: Sequence[Event] = (),
+    new_events: Sequence[Event] = (),
     *,
     targets: Sequence[str] = (),
     new: bool = False,
@@ -91,12 +91,8 @@ def write_part(
 ) -> PartRecord:
     """Write a part and its events, and queue it for its targets (not in shadow mode); return it as it is stored.
 
-    Args:
-        tx: the transaction; it has the part locked unless it is new.
-        figures: columns that do not follow from its record.
-
-    Raises:
-        ConflictError: it is not new.
+    The transaction has the part locked unless it is new; `figures` are columns that do not follow from its record.
+    Raises ConflictError: it is not new.
     """
     content = to_json(replace(part, changed_at=tx.now))
     record = json_text(content)
@@ -106,7 +102,7 @@ def write_part(
         tx.execute(sa.update(parts).where(parts.c.id == part.id).values(**row))
     elif not tx.insert_if_new(parts, row):
         raise ConflictError(f"there is a part {part.id} already", hint="take a new id")
-    add_events(tx, part.id, happened)
+    add_events(tx, part.id, new_events)
     payload = record
     if part.state is PartState.REVIEW and targets:
         # a text that awaits a person must not be taken for the serial
@@ -115,7 +111,7 @@ def write_part(
     return part
 
 
-def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None:
+def add_events(tx: Transaction, part_id: str, new_events: Sequence[Event]) -> None:
     """Write events of a part, in order."""
     rows = [
         {
@@ -126,7 +122,7 @@ def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None
             "seconds": data["seconds"] if kind == READ else None,
             "data": dict(data),
         }
-        for kind, data in happened
+        for kind, data in new_events
     ]
     if rows:
         tx.execute(sa.insert(events), rows)
@@ -165,9 +161,11 @@ def evidence_before(tx: Transaction, when: datetime, limit: int = 200) -> tuple[
 def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> None:
     """Record that a part's file is no longer kept; nothing happens if it was recorded before."""
     part = part_by_id(tx, part_id, lock=True)
-    mine = sa.and_(evidence.c.part_id == part_id, evidence.c.sha256 == sha256, evidence.c.gone.is_(False))
-    if kinds := sorted(set(tx.execute(sa.select(evidence.c.kind).where(mine)).scalars())):
-        tx.execute(sa.update(evidence).where(mine).values(gone=True))
+    present_file = sa.and_(
+        evidence.c.part_id == part_id, evidence.c.sha256 == sha256, evidence.c.gone.is_(False)
+    )
+    if kinds := sorted(set(tx.execute(sa.select(evidence.c.kind).where(present_file)).scalars())):
+        tx.execute(sa.update(evidence).where(present_file).values(gone=True))
         write_part(tx, part, [("evidence_expired", {"sha256": sha256, "kinds": kinds})])
 
 

@@ -34,8 +34,6 @@ def _method(
     operation: Callable[Concatenate[Transaction, P], R],
     begin: Callable[[Database], AbstractContextManager[Transaction]],
 ) -> Callable[Concatenate[Store, P], R]:
-    """Turn an operation into a method that opens its own transaction."""
-
     @functools.wraps(operation)
     def method(store: Store, /, *args: P.args, **options: P.kwargs) -> R:
         with begin(store) as tx:

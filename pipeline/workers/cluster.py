@@ -22,16 +22,16 @@ from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common import version
 from pipeline.workers.executors import Executor, Outcome, WorkerLostError
 
+# longest time for the scheduler to answer, seconds
 _CONNECT_S = 10.0
-"""Longest time for the scheduler to answer, seconds."""
+# longest time for the connection's thread to start, seconds; the library's ten are too few on a busy machine
 _START_S = 120.0
-"""Longest time for the connection's thread to start, seconds; the library's ten are too few on a busy machine."""
 # seconds between two checks of scheduler and workers
 _LOOK_S = 2.0
 # tasks submitted at a time for each worker, and in all at least
 _AHEAD, _LEAST_AHEAD = 3, 8
+# readers and their templates are not shared between threads
 _ONE_AT_A_TIME = threading.Lock()
-"""Readers and their templates are not shared between threads."""
 
 
 class ClusterError(MarksError):
@@ -41,22 +41,16 @@ class ClusterError(MarksError):
 
 
 class ClusterExecutor(Executor):
-    """The workers of a Dask scheduler."""
+    """The workers of a Dask scheduler; `patience_s` is the longest time without any worker."""
 
     remote = True
 
     def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
-        """`patience_s`: longest time without any worker."""
         self.address, self.patience_s = address, patience_s
         self.workers = 0
 
     def __enter__(self) -> ClusterExecutor:
-        """Connect, wait for a worker, and check that all run this program.
-
-        Raises:
-            ClusterError: no scheduler or worker answers, or a worker has another version of the program.
-            MissingExtraError: the extra `cluster` is not installed.
-        """
+        """Connect, wait for a worker, and check that all run this program. Raises ClusterError, MissingExtraError."""
         require_distributed()
         self._client = self._connect()
         try:
@@ -92,7 +86,6 @@ class ClusterExecutor(Executor):
         return self._client.submit(_same, order, pure=False)
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Submit a call of the function to a worker, and return its future."""
         return self._client.submit(_call_in_worker, self._mark, function, *args, pure=False)
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:

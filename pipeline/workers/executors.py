@@ -67,11 +67,9 @@ class Outcome(Generic[T, R]):
 
 
 class Executor:
-    """Call a function for many tasks, in this process; subclasses use a pool or a cluster.
+    """Call a function for many tasks, about `workers` at once, in this process; subclasses use a pool or a cluster.
 
-    Attributes:
-        workers: approximate number of tasks that run at once.
-        remote: whether the workers are on other machines, which lack this one's files.
+    Workers that are `remote`, on other machines, lack this one's files.
     """
 
     workers = 1
@@ -81,32 +79,32 @@ class Executor:
         """Yield the outcome of function(order, task) for every task as it finishes. Raises ClusterError: it is lost."""
         waiting, shared = iter(tasks), self._shared(order)
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        held: dict[Any, T] = {}
+        running: dict[Any, T] = {}
         lost: list[T] = []
         tried = False
 
         def hand_over(tasks: Iterable[T]) -> None:
             for task in tasks:
                 future = self.submit(function, shared, task)
-                held[future] = task
+                running[future] = task
                 future.add_done_callback(done.put)
 
         def next_outcome() -> Outcome[T, R]:
             future = self._next(done)
             raise_interrupt()
-            return self._outcome(future, held.pop(future))
+            return self._outcome(future, running.pop(future))
 
         hand_over(islice(waiting, self._ahead()))
-        while held:
+        while running:
             outcome = next_outcome()
-            hand_over(islice(waiting, max(0, self._ahead() - len(held))))
+            hand_over(islice(waiting, max(0, self._ahead() - len(running))))
             error = outcome.error
             if isinstance(error, WorkerLostError) and not (error.timed_out or error.unstarted):
                 lost.append(outcome.task)
                 tried, last = error.tried, outcome
                 continue
             # quick tasks finish together: what comes of them is kept in fewer transactions
-            if held and self._ahead() > 1 and done.empty():
+            if running and self._ahead() > 1 and done.empty():
                 time.sleep(_SOON_S)
             # without workers the next task has finished before this outcome is reported; that does not count as more
             yield replace(outcome, more=self._ahead() > 1 and not done.empty())
@@ -119,7 +117,6 @@ class Executor:
             yield next_outcome()
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Submit a call of the function, and return its future."""
         future: Future[Any] = Future()
         try:
             future.set_result(function(*args))

@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import Limits
 
+# parts that may wait for each worker; a part takes a second or two, so the last one waits for about a minute
 WAITING_PER_WORKER = 32
-"""Parts that may wait for each worker; a part takes a second or two, so the last one waits for about a minute."""
+# memory that a worker may use on any machine, MB; the largest map takes most of it
 LEAST_WORKER_MB = 4096
-"""Memory that a worker may use on any machine, MB; the largest map takes most of it."""
+# memory of a worker for each pixel of a photograph and each sample of a height map, bytes: 4096 MB are enough
+# for 40 million pixels or 30 million samples
 _PIXEL_BYTES, _SAMPLE_BYTES = 100, 136
-"""Memory of a worker for each pixel of a photograph and each sample of a height map, bytes: 4096 MB are enough for
-40 million pixels or 30 million samples."""
 LEAST_UPLOAD = 100_000_000
+# memory of a worker for each byte of a request: 4096 MB are enough for 100 MB
 _MEMORY_OF_UPLOAD = 40
-"""Memory of a worker for each byte of a request: 4096 MB are enough for 100 MB."""
 
 
 @dataclass(frozen=True)

@@ -44,12 +44,8 @@ class WorkerSettings(PoolSettings):
     def opened(
         self, parts: int | None = None, *, limit_s: float | None = None
     ) -> AbstractContextManager[Executor]:
-        """Open the executor. Raises ClusterError: the cluster cannot be used.
-
-        Args:
-            parts: number of parts; None if not known yet.
-            limit_s: limit of the search of a part; see `part_timeout_s`.
-        """
+        """Open the executor for so many parts; `limit_s` as in `part_timeout_s`. Raises ClusterError: no such
+        cluster."""
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
 

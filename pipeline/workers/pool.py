@@ -29,13 +29,13 @@ from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, pickled_cal
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
+# jobs that a run submits at a time for each worker: one at work, the others waiting
 _AHEAD = 16
-"""Jobs that a run submits at a time for each worker: one at work, the others waiting."""
 _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
+# failed starts in a row, for each worker, after which waiting jobs are given up
 _STARTS_TRIED = 3
-"""Failed starts in a row, for each worker, after which waiting jobs are given up."""
 _USUAL_S = 1.0
 _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
@@ -114,16 +114,9 @@ class WorkPool(Executor):
         self.close(0.0)
 
     def call(self, function: Callable[..., Any], *args: Any, free_s: float, timeout_s: float) -> Any:
-        """Let a worker call the function before all waiting jobs, and return its result.
+        """Let a worker call the function before all waiting jobs, for at most `timeout_s`, and return its result.
 
-        Args:
-            free_s: longest wait for a worker.
-            timeout_s: longest time of the call.
-
-        Raises:
-            BusyError: the queue is full, or no worker was free in time.
-            WorkerLostError: the worker was lost.
-            Exception: any exception of the function.
+        Raises BusyError: the queue is full, or no worker was free within `free_s`. WorkerLostError. What it raises.
         """
         future = self.submit(function, *args, timeout_s=timeout_s, first=True)
         with suppress(TimeoutError):
@@ -142,16 +135,10 @@ class WorkPool(Executor):
         timeout_s: float | None = None,
         first: bool = False,
     ) -> Future[Any]:
-        """Let a worker call the function; the future has its result, its exception or WorkerLostError, and cannot be
-        cancelled.
+        """Let a worker call the function, before the waiting jobs with `first`; the future cannot be cancelled.
 
-        Args:
-            timeout_s: seconds that the job may take (default: the limit of the pool).
-            first: whether it goes before the waiting jobs.
-
-        Raises:
-            BusyError: the queue is full.
-            WorkerLostError: the pool is closed.
+        The future has its result, its exception or WorkerLostError. `timeout_s` is that of the pool by default.
+        Raises BusyError: the queue is full. WorkerLostError: the pool is closed.
         """
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
@@ -202,7 +189,6 @@ class WorkPool(Executor):
 
     @property
     def trouble(self) -> str:
-        """Reason why no worker is ready, if one has failed to start; otherwise empty."""
         failed = self._failed > 0 and not any(slot.warm for slot in self._slots)
         return f"no worker can start: {self._why_failed}" if failed else ""
 

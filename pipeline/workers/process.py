@@ -25,19 +25,19 @@ from glyphs.compiling import end_part, show_compiling
 from glyphs.errors import MarksError
 from pipeline.workers.executors import WorkerLostError
 
+# keep freed memory in the process: maps of tens of megabytes would be returned and cleared each time
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": str(1 << 30), "MALLOC_MMAP_THRESHOLD_": str(1 << 30)}
-"""Keep freed memory in the process: maps of tens of megabytes would be returned to the system and cleared each time."""
 _THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
     *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
 )
 LOOK_S = 0.25
+# least share of its time limit for which a slow worker had a core; with less, the machine was busy
 _STARVED = 0.5
-"""Least share of its time limit for which a slow worker had a core; with less, the machine was busy."""
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
+# exit codes of workers that were killed by a person, or by a system short of memory
 _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
-"""Exit codes of workers that were killed by a person, or by a system short of memory."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,6 @@ class Worker:
             theirs.close()
 
     def limit(self, memory_mb: int) -> None:
-        """Set the memory limit of the process, MB; 0: no limit."""
         with contextlib.suppress(OSError):  # the process has died; the first call finds it
             self._pipe.send(memory_mb)
 
@@ -93,13 +92,10 @@ class Worker:
     def ask(
         self, call: bytes, timeout_s: float, late: str, stopped: Callable[[], bool] = lambda: False
     ) -> Answer | Exception:
-        """Let the process make a call, and return the result, or a WorkerLostError if the worker is lost meanwhile.
+        """Let the process make a pickled call, and return the result, or a WorkerLostError if the worker is lost.
 
-        Args:
-            call: result of `pickled_call`.
-            timeout_s: longest time of the call.
-            late: message if it takes longer, with {} for the seconds.
-            stopped: called now and then; True ends the wait.
+        `late` is its message after `timeout_s`, with {} for the seconds; `stopped` is called now and then, and True
+        ends the wait.
         """
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)
@@ -145,8 +141,8 @@ class Worker:
         self.process.join()
 
 
+# the worker of `started_early`, until a pool uses it
 _EARLY: list[Worker] = []
-"""The worker of `started_early`, until a pool uses it."""
 
 
 @contextlib.contextmanager

@@ -394,20 +394,20 @@ _OWN = ReadSettings(format=("A99",), font=("gothic",))
 
 
 def _jobs_before(root: Path) -> None:
-    JobFolder(root / "jobs", own=_OWN).save("left", _BEFORE)
+    JobFolder(root / "jobs", default=_OWN).save("left", _BEFORE)
 
 
 def _jobs_work(root: Path, say: Say) -> None:
     from pipeline.service.web.problem import Problem
 
-    jobs = JobFolder(root / "jobs", own=_OWN)
+    jobs = JobFolder(root / "jobs", default=_OWN)
     for name, written in (("left", _AFTER), ("right", _AFTER)):
         if tried(lambda n=name, w=written: jobs.save(n, w), Problem):  # type: ignore[misc]
             say(name)
 
 
 def _jobs_check(root: Path, said: list[str], _: bool) -> None:
-    jobs = JobFolder(root / "jobs", own=_OWN)
+    jobs = JobFolder(root / "jobs", default=_OWN)
     left, right = jobs.written("left"), jobs.written("right")
     assert left in ((_AFTER,) if "left" in said else (_BEFORE, _AFTER)), left
     assert right in ((_AFTER,) if "right" in said else (None, _AFTER)), right

@@ -39,7 +39,7 @@ def acceptance_at_risks(
     confidence: float = 0.95,
     left_out: str = "soil",
 ) -> Iterator[RiskAcceptance]:
-    """Compute what each group of trials of one mode accepts at each risk that its trials can prove.
+    """What each group of trials of one mode accepts at each risk that its trials can prove.
 
     The levels of the factor `left_out` are left out in turn; groups with one level are passed over.
     """

@@ -62,15 +62,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Changes:
-    """Differences between two benchmarks.
-
-    Attributes:
-        overall: a row for each reader with its facts.
-        by_factor: a row for each reader with its facts and each level of a factor with several levels.
-        flips: changed readings, the most serious first.
-        parts: number of parts read in both.
-        left_out: readers that only one of the benchmarks has.
-    """
+    """Differences between two benchmarks: rows of paired readers, and changed readings, the most serious first."""
 
     overall: tuple[Row, ...]
     by_factor: tuple[Row, ...]
@@ -91,8 +83,8 @@ def changes(
     after: Sequence[Trial],
     descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
 ) -> Changes:
-    """Compare the trials of two benchmarks, A and B with their descriptions, for unperturbed parts. Raises
-    NotComparableError: the parts differ, or no reader is in both."""
+    """Compare the unperturbed parts of two benchmarks, A and B. Raises NotComparableError: other parts, or no common
+    reader."""
     if descriptions is not None:
         _check_made_alike(*(d["parts"] for d in descriptions))
     before, after = unperturbed(before), unperturbed(after)

@@ -38,7 +38,6 @@ class Comparison:
 
     @property
     def severity(self) -> float | None:
-        """Severity of the dirt; None for all severities together."""
         return self.first.severity
 
 
@@ -67,8 +66,7 @@ def compare(
 
 def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comparison]:
     """Compare, at the same levels: fused with the better single sense, a sense with each of its experts, a mode without
-    a rule with the full mode, touch and fused (or else the first reader) with every other reader.
-    """
+    a rule with the full mode, touch and fused (or else the first reader) with every other reader."""
     for levels in dict.fromkeys(key.levels for key in groups):
         here = {key.mode: key for key in groups if key.levels == levels}
         for first, second in _rivals({mode: groups[key] for mode, key in here.items()}):
@@ -124,10 +122,8 @@ class Stability:
     """Flips of the parts of one reader under one perturbation.
 
     Attributes:
-        key: the reader, with its facts if these differ between trials.
         perturbation: empty: any of them, each part counted once.
         verdicts: share of parts with another decision, where an error counts as a decision.
-        texts: share of parts with another text.
         accepted_texts: share of the parts accepted unperturbed that were read with another text.
         faults: parts accepted both times, with different texts.
     """

@@ -27,9 +27,9 @@ class ReliabilityBin:
 
 @dataclass(frozen=True)
 class Reliability:
-    """A reliability diagram: bins that are not empty, by confidence.
+    """A reliability diagram: bins that are not empty, and the expected calibration error.
 
-    `error` is the expected calibration error: mean over all readings of |share right - mean confidence| of their bin.
+    The error is the mean over all readings of |share right - mean confidence| of their bin.
     """
 
     bins: tuple[ReliabilityBin, ...]
@@ -57,14 +57,10 @@ def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: in
 
 @dataclass(frozen=True, eq=False)
 class RiskCoverage:
-    """Risk against coverage.
+    """Risk, the share of wrong serials among the most certain ones, at coverages of 1/n, 2/n ... 1; both (n,).
 
-    Attributes:
-        coverage: (n,) 1/n, 2/n ... 1.
-        risk: (n,) share of wrong serials among the most certain ones; equally certain ones are in expected random
-            order.
-        area: AURC, the mean of the risk.
-        least_area: AURC of a confidence that puts every wrong serial last.
+    Equally certain ones are in expected random order. `area` is the AURC, the mean of the risk; `least_area` is that of
+    a confidence that puts every wrong serial last.
     """
 
     coverage: NDArray[np.float64]

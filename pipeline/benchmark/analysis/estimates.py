@@ -105,7 +105,7 @@ def bootstrap_share(right: Sequence[float], total: Sequence[int], *, least: floa
 
 @dataclass(frozen=True)
 class SerialTest:
-    """McNemar's exact test on the parts that only the first, or only the second mode read right.
+    """McNemar's exact test: parts that only the first, or only the second mode read right.
 
     `p_differ` is the two-sided probability of a split at least as uneven, if both are equally good.
     """
@@ -127,10 +127,9 @@ def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
 
 @dataclass(frozen=True)
 class CharacterTest:
-    """Share of characters right of one mode minus that of another, by resampling whole parts.
+    """Difference of two modes' shares of characters right, by resampling whole parts.
 
-    `p_differ` is the two-sided probability of a difference at least as large, if the modes are exchangeable on every
-    part.
+    `p_differ` is the two-sided probability of one at least as large, if the modes are exchangeable on every part.
     """
 
     difference: Estimate

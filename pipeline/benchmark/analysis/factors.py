@@ -35,8 +35,7 @@ class LevelEffect:
 class FactorEffect:
     """Effect of one factor on one mode: its levels, the costliest first.
 
-    `p_matters` is the probability of effects at least as large if the factor had none, corrected for all factors of the
-    mode (Holm).
+    `p_matters` is the probability of such effects if the factor had none, corrected for the mode's factors (Holm).
     """
 
     factor: str
@@ -46,7 +45,6 @@ class FactorEffect:
 
     @property
     def spread(self) -> float:
-        """Difference in characters right between the best and the worst level."""
         return self.levels[-1].characters.value - self.levels[0].characters.value
 
 
@@ -106,10 +104,8 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect:
 
 
 def _p_matters(counts: NDArray[np.float64], severities: Sequence[float | None]) -> float:
-    """Test whether levels differ, by counts (parts, levels, columns) as in `_effect`.
-
-    A difference between severities (parts,) is not one between levels.
-    """
+    """Whether levels differ, by counts as in `_effect`; a difference between severities (parts,) is not one between
+    levels."""
     from scipy.stats import kruskal
 
     read = counts[..., 3] > 0.0

@@ -64,12 +64,10 @@ class GroupKey:
     levels: tuple[tuple[str, Level], ...] = ()
 
     def level(self, factor: str) -> Level:
-        """Level of a factor; None if it is unknown, or the group has all levels."""
         return dict(self.levels).get(factor)
 
     @property
     def severity(self) -> float | None:
-        """Severity of the dirt; None if it is unknown, or the group has all severities."""
         level = self.level("severity")
         return None if level is None else float(level)
 
@@ -99,13 +97,11 @@ class Group:
     """The figures of a group.
 
     Attributes:
-        characters: share of characters right (stamped minus edits).
         character_error_rate: edits per stamped character (CER); above 1 if far more is read than was stamped.
         place_error_rate: share of stamped characters that the text does not have at the same place.
         characters_by_part: share of characters right, with a 95 % interval from resampling whole parts.
         split: number of parts by outcome, see `FATES`.
         wrong_of_accepted: with exact one-sided bounds.
-        confused: number of (true, read) characters.
         seconds: (median, 95th percentile) of the times in `TIMES`.
         stage_s: mean scan time of the real array.
     """

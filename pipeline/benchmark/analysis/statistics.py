@@ -43,10 +43,9 @@ class Headline:
     """Figures of one mode over all dirt; clean parts apart, as in ImageNet-C (Hendrycks and Dietterich 2019).
 
     Attributes:
-        clean: share of characters right of the parts without dirt; None if there are none.
+        clean: share of characters right of the parts without dirt.
         characters: share of characters right, mean over the severities of dirt, as those of serials and parts accepted.
-        relative_error: edits at all severities of dirt over those of the baseline reader, mean over soils (the mCE
-            there); None without that reader.
+        relative_error: edits over those of the baseline reader, mean over soils (the mCE there).
     """
 
     key: GroupKey
@@ -86,13 +85,10 @@ class Statistics:
     """All statistics. If readers were given several sets of facts, each group has one set; effects mix them.
 
     Attributes:
-        levels: of every factor that occur in the trials.
-        given: the sets of facts that readers were given.
         crossed: factors that make up the cells.
         cells: one group for each combination of mode, crossed factors and given facts.
         comparisons: readers compared on the same parts: over all parts, then at every severity.
         knowledge: each reader compared with itself when it knew fewer facts.
-        stability: changes of the result on perturbed parts.
         at_risk: what each mode accepts at a risk, with a threshold fitted to other soils.
     """
 
@@ -117,10 +113,8 @@ def statistics_of(
     risks: Sequence[float] = (0.01, 0.001),
     baseline: str = "rapidocr photo",
 ) -> Statistics:
-    """Compute the statistics of the trials of all parts and modes.
-
-    `crossed` are the factors of the design's cells; errors are relative to those of the baseline, a public reader.
-    """
+    """Statistics of the trials of all parts and modes; errors are relative to those of the baseline, a public
+    reader."""
     trials = unperturbed(all_trials)
     facts = tuple(dict.fromkeys(t.given for t in trials))
     more = (GIVEN_FACTOR,) if len(facts) > 1 else ()

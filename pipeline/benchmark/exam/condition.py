@@ -38,8 +38,7 @@ class Condition(dict[str, Level]):
 
     @property
     def severity(self) -> float | None:
-        level = self.get("severity")
-        return None if level is None else float(level)
+        return self._number("severity")
 
     @property
     def font(self) -> str:
@@ -51,13 +50,16 @@ class Condition(dict[str, Level]):
 
     @property
     def height_mm(self) -> float | None:
-        level = self.get("height_mm")
-        return None if level is None else float(level)
+        return self._number("height_mm")
 
     @property
     def levels(self) -> dict[str, Level]:
         """The levels as factors of a trial; a font by its name, whatever folder its file is in."""
         return {n: font_name(str(v)) if n == "font" and v else v for n, v in self.items()}
+
+    def _number(self, factor: str) -> float | None:
+        level = self.get(factor)
+        return None if level is None else float(level)
 
 
 def font_name(font: str) -> str:

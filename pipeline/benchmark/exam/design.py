@@ -60,8 +60,7 @@ Part = Annotated[dict[str, tuple[str | bool | float, ...]], BeforeValidator(_lev
 
 
 class Section(BaseModel):
-    """Consecutive parts with their own levels, which replace the design's; nothing here may be fitted to `kept_out`
-    fonts."""
+    """Consecutive parts with their own levels; nothing here may be fitted to `kept_out` fonts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = ""

@@ -38,15 +38,15 @@ COUNTS = ("parts", "parts_a_cell")
 GENERATORS = ("stamped", "sketched")
 _SPECIAL = ("generator", "soil", "severity", "light")
 _SKETCHED = (*_SPECIAL, "format", "font", "height_mm")
-_MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
+_SYNTH_FACTORS = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
 _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
 
 
 def sketch_part(
     format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
 ) -> Part:
-    """Sketch a random serial as a part; dirt and photograph are those of stamped parts. Raises FontError,
-    FormatError: it cannot be stamped."""
+    """Sketch a random serial as a part, with the dirt of stamped ones. Raises FontError, FormatError: it cannot be
+    stamped."""
     key = tuple(int(number) for number in seed)
     rng = np.random.default_rng(key)
     letters, text = load_font(font), random_text(format, rng=rng)
@@ -78,10 +78,10 @@ class DesignedParts:
         for section in self.design.all_sections():
             levels = {**self.design.part, **section.part}
             for name in levels:
-                if name not in (*_SPECIAL, *_MADE):
+                if name not in (*_SPECIAL, *_SYNTH_FACTORS):
                     raise SettingsError(
                         f"a part has no factor {name!r}",
-                        hint=f"the factors are {', '.join((*_SPECIAL, *_MADE))}",
+                        hint=f"the factors are {', '.join((*_SPECIAL, *_SYNTH_FACTORS))}",
                     )
                 for value in levels[name]:
                     _check_type(name, value)
@@ -156,7 +156,7 @@ class DesignedParts:
                 f"a sketched part has no {more[0]}", hint=f"its factors are {', '.join(_SKETCHED)}"
             )
         soils = tuple(str(condition.get("soil", WORKSHOP)).split("+"))
-        factors: dict[str, Any] = {name: condition[name] for name in condition if name in _MADE}
+        factors: dict[str, Any] = {name: condition[name] for name in condition if name in _SYNTH_FACTORS}
         factors["font"] = self.font_of(condition)
         if LIGHTS[light] is not None:
             factors["light_elevation_deg"] = LIGHTS[light]
@@ -181,7 +181,7 @@ def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
 def _check_type(factor: str, level: Level) -> None:
     if factor == "severity":  # checked by the design
         return
-    annotation = str(_MADE.get(factor, "str"))
+    annotation = str(_SYNTH_FACTORS.get(factor, "str"))
     kind = next((k for k in _KINDS if k.__name__ in annotation), str)
     if not isinstance(level, kind) or (kind is float and isinstance(level, bool)):
         raise SettingsError(f"a {factor} is {level!r}", hint=f"it is {_KINDS[kind]}")

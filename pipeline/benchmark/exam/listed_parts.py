@@ -34,10 +34,8 @@ class ListedParts:
     def of_files(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> ListedParts:
         """The parts of folders, globs or files whose text is in a table with the columns part and text.
 
-        Raises:
-            FileError: the table is missing, or has no row for any part.
-            NothingFoundError: the inputs name no part.
-            SettingsError: the format or severity is invalid.
+        Raises FileError: the table is missing, or has no row for any part. NothingFoundError: the inputs name no part.
+        SettingsError: the format or severity is invalid.
         """
         if condition.format:
             allowed_characters(condition.format)
@@ -81,7 +79,6 @@ class ListedParts:
         return list(self.known)
 
     def make(self, item: Item) -> Specimen:
-        """Load the height map of a part; its photograph is loaded on demand."""
         from pipeline.formats.photos import read_photo
         from pipeline.formats.touch_file import read_part_map
 

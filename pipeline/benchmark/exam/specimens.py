@@ -28,14 +28,12 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Item:
-    """A part of the exam that is not made yet.
+    """A part of the exam that is not made yet, read with each of the `given` sets of facts.
 
     Attributes:
         part: name, unique in the benchmark.
         number: among the parts of its condition; a designed part is made from it and the seed.
-        condition: levels of its factors.
-        given: sets of facts for readers; the part is read with each.
-        files: files of a part from a folder, as the truth.
+        files, truth: of a part from a folder.
     """
 
     part: str
@@ -48,17 +46,16 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """A part to be scanned and photographed.
+    """A part to be scanned and photographed; what is not known is None or empty.
 
     Attributes:
         soil: dirt and friction; None for a clean part.
-        take_photo: takes its photograph; None without a camera.
-        line_mm: box (x0, y0, x1, y1) around the line, plate frame; None if unknown.
-        boxes_mm: box around each character of the truth; empty if unknown.
-        height_mm: character height for which a stage is set; None if unknown.
-        beside_mm: box around a second line that is not to be read; None without one.
+        line_mm: box (x0, y0, x1, y1) around the line, plate frame.
+        boxes_mm: box around each character of the truth.
+        height_mm: character height for which a stage is set.
+        beside_mm: box around a second line that is not to be read.
         feel: scans it (default: the default plan).
-        take_lights: takes photographs under several lights; None if that is not possible.
+        take_lights: takes photographs under several lights.
     """
 
     part: str
@@ -82,8 +79,7 @@ class Parts(Protocol):
     def items(self) -> list[Item]:
         """All of them, in order."""
 
-    def make(self, item: Item) -> Specimen:
-        """Make or load one."""
+    def make(self, item: Item) -> Specimen: ...
 
     def font_of(self, condition: Condition) -> str:
         """The font of a kind of part, as given to readers; empty if unknown."""

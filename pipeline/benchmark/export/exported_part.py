@@ -178,8 +178,7 @@ def step_of(values: NDArray[np.floating]) -> float:
 def write_layer(
     path: Path, values: NDArray[np.floating], *, unit: str, pitch_mm: float, origin_mm: tuple[float, float]
 ) -> float:
-    """Write a map (rows, cols), NaN where unknown, as PNG, whole or not at all; return its step. Raises FileError:
-    it cannot be written."""
+    """Write a map (rows, cols), NaN where unknown, as PNG; return its step. Raises FileError: it cannot be written."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 

@@ -37,11 +37,10 @@ def export(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> int:
-    """Write the exam, and return the number of parts in the folder; complete parts already there are kept.
+    """Write the exam, and return the number of parts in the folder; complete parts already there stay.
 
-    Raises:
-        ExportError: some parts could not be made; the others are written.
-        FileError: the folder holds something else, or cannot be written.
+    Raises ExportError: some parts could not be made; the others are written. FileError: the folder holds something
+    else, or cannot be written.
     """
     items = parts.items()
     _prepare(parts, folder)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 # values and times of each sense that `PartReadings` keeps
-_KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
+_OF_SENSE = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class ModeUnavailableError(MarksError):
 
 
 class PartReadings:
-    """Readings of one part, each made when a mode first needs it, and the time of each sense."""
+    """Readings of one part, each made when a mode first needs it, or a MarksError; and the time of each sense."""
 
     def __init__(self, specimen: Specimen, reader: Reader) -> None:
         self.specimen = specimen
@@ -83,7 +83,7 @@ class PartReadings:
         """The readings of the perturbed part; senses that the perturbation does not change are not read again."""
         shown = perturb(self.specimen, how, array=self._reader.settings.array)
         other = PartReadings(shown, self._reader)
-        for sense, names in _KEPT.items():
+        for sense, names in _OF_SENSE.items():
             if not how.reaches((sense,)):
                 vars(other).update({name: value for name, value in vars(self).items() if name in names})
                 other.seconds.update({name: s for name, s in self.seconds.items() if name in names})
@@ -104,17 +104,14 @@ class PartReadings:
 
     @property
     def edges(self) -> EdgeMap:
-        """Edge map of the scan; a MarksError without one."""
         return self._there("edges", self.felt.edges)
 
     @property
     def relief(self) -> Relief:
-        """Relief of the scan; a MarksError without one."""
         return self._there("heights", self.felt.relief)
 
     @cached_property
     def photo(self) -> Photo:
-        """The photograph; a MarksError without one."""
         return self._take_photo("photograph", self.specimen.take_photo)
 
     @cached_property
@@ -172,11 +169,9 @@ def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode.
+    """A mode: the readings that it `uses`, to whose time it is charged ("touch", "vision", "lights", "felt").
 
-    Attributes:
-        uses: readings that it needs: "touch", "vision", "lights", "felt"; only their time is charged to it.
-        read: reads a part; returns the reading, and fields of the trial that replace those of the run, if any.
+    `read` returns the reading, and fields of the trial that replace those of the run, if any.
     """
 
     uses: tuple[str, ...]
@@ -184,5 +179,4 @@ class Mode:
 
     @classmethod
     def of(cls, uses: tuple[str, ...], read: Callable[[PartReadings], Reading]) -> Mode:
-        """Make a mode that returns a reading only."""
         return cls(uses, lambda senses: (read(senses), {}))

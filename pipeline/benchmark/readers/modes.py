@@ -49,8 +49,7 @@ def rules() -> dict[str, ReadingFlag | Measure]:
 
 
 def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Reading]:
-    """A function that decides on the evidence of a reading without one rule. Raises SettingsError: there is no such
-    rule; the hint lists all."""
+    """A function that decides on a reading's evidence without one rule. Raises SettingsError: there is no such rule."""
     known = rules()
     if name not in known:
         what = f"there is no rule {name!r} to leave out"
@@ -94,16 +93,6 @@ def _change_reading(whole: str, change: Callable[[Reading], Reading], reader: Re
     return Mode.of(mode.uses, lambda senses: change(mode.read(senses)[0]))
 
 
-def _expert(name: str, reader: Reader) -> Mode:
-    sense, expert = name.split()
-    return _change_reading(sense, lambda reading: expert_alone(reading, expert, reader.settings), reader)
-
-
-def _peer(name: str, reader: Reader) -> Mode:
-    written = reader.settings.format
-    return open_peer(*name.split(), format=written if isinstance(written, str) else None)
-
-
 # built-in modes
 MODES: dict[str, Callable[[Reader], Mode]] = {
     "tactile": partial(_sense, ("touch",), lambda senses, _: senses.touch),
@@ -114,7 +103,7 @@ MODES: dict[str, Callable[[Reader], Mode]] = {
 
 
 def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Replace groups among the names of modes: experts (of the other modes), peers, plans (of touch).
+    """Replace the groups experts (of the other modes), peers, and plans (of touch) among the names of modes.
 
     Each built-in mode is also decided without each of the rules `ablate`.
     """
@@ -136,9 +125,11 @@ def open_mode(name: str, reader: Reader) -> Mode:
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
     if name in EXPERTS:
-        return _expert(name, reader)
+        sense, expert = name.split()
+        return _change_reading(sense, lambda reading: expert_alone(reading, expert, reader.settings), reader)
     if name in PEERS:
-        return _peer(name, reader)
+        written = reader.settings.format
+        return open_peer(*name.split(), format=written if isinstance(written, str) else None)
     if name not in MODES:
         raise SettingsError(
             f"there is no mode {name!r}",

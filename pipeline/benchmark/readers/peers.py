@@ -122,9 +122,9 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
-    """Decode the best class of every step, without repeats and blanks; a run has the highest probability of its steps.
+    """Best class of every step of (steps, classes) probabilities, without repeats and blanks (class 0).
 
-    `beliefs` are (steps, classes) probabilities, class 0 the blank.
+    A run has the highest probability of its steps.
     """
     best = beliefs.argmax(axis=1)
     runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
@@ -159,8 +159,8 @@ def _tesseract(chars: str) -> LineReader:
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """A mode that reads one of `PICTURES` with a third-party engine; without a format any letter or digit.
-    Raises ModeUnavailableError: the engine or its data are not installed."""
+    """Read one of `PICTURES` with an engine; without a format any letter or digit. Raises ModeUnavailableError: not
+    installed."""
     places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
     read_line = open_engine(engine, "".join(sorted(set("".join(places)))) or _ALPHABET)
     felt = picture in _FELT

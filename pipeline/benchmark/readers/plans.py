@@ -48,12 +48,10 @@ class TouchPlan:
 
     @classmethod
     def of(cls, mode: str) -> TouchPlan | None:
-        """Plan for the name of a mode; None if the mode is not a touch plan."""
         name, _, level = mode.partition(" ")
         return cls(name, float(level)) if name in _NAMES and level.replace(".", "", 1).isdigit() else None
 
     def settings(self, number: int) -> ActiveSettings:
-        """Policy and budget for the part with this number."""
         if self.name == "active":
             return ActiveSettings(budget_s=BUDGET_S, policy=Greedy(worth_s=self.level))
         if self.name == "uniform":

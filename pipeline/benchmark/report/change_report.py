@@ -28,12 +28,8 @@ def write_comparison(
 ) -> tuple[str, tuple[Path, ...]]:
     """Compare two folders of finished benchmarks, A and B, and write the page and the table into a folder.
 
-    Returns:
-        The tables in Markdown, with the reason if there are no pictures of flipped parts; and the paths of all files.
-
-    Raises:
-        FileError: a folder holds no benchmark, or cannot be written.
-        NotComparableError: the parts differ, or no reader is in both.
+    Returns the tables in Markdown, with the reason if there are no pictures, and the paths of all files.
+    Raises FileError: a folder holds no benchmark, or cannot be written. NotComparableError: as in `changes`.
     """
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)

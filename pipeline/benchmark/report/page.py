@@ -28,8 +28,8 @@ PROGRAM = "tactile-marks"
 
 
 def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
-    """Write a report's rows of a .csv, values of a .json, and texts, by file name; return the paths. Raises
-    FileError: the folder cannot be written."""
+    """Write rows as .csv, values as .json, else texts, by file name; return the paths. Raises FileError: it cannot be
+    written."""
     make_folder(folder)
     writers: dict[str, Callable[[Path, Any], None]] = {".csv": write_table, ".json": write_json}
     for name, content in contents.items():

@@ -23,13 +23,9 @@ _HELPED = ("fused", "tactile")
 
 @dataclass(frozen=True)
 class WorstPart:
-    """One part to show, with the trials of all modes.
+    """One part to show, with the trials of all modes, and why; `given` are the facts of its worst reading.
 
-    Attributes:
-        why: reason why it is one of the worst.
-        given: facts given to the reader in the worst reading, which the picture shows.
-        picture: data URI; empty if it could not be drawn.
-        problem: why it could not be drawn.
+    `picture` is a data URI, or `problem` says why it could not be drawn.
     """
 
     trials: tuple[Trial, ...]
@@ -44,8 +40,7 @@ class WorstPart:
 
 
 def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
-    """Rank the worst parts: accepted with a wrong serial, then read worst by touch, then by the camera, else least
-    certain.
+    """Rank the parts: accepted with a wrong serial, then read worst by touch, then by the camera, else least certain.
 
     Third-party programs do not count.
     """

@@ -50,13 +50,7 @@ def write_report(
 ) -> tuple[str, tuple[Path, ...], Statistics]:  # fmt: skip
     """Write the page, the tables and the figures; the executor draws the worst parts (default: this process).
 
-    `certificate` is the one that the parts were read with, if any.
-
-    Returns:
-        The tables in Markdown, the paths of all files, and the figures.
-
-    Raises:
-        FileError: the folder cannot be written.
+    Returns the tables in Markdown, the paths of all files, and the figures. Raises FileError: they cannot be written.
     """
     statistics = statistics_of(trials, benchmark.crossed)
     items = {item.part: item for item in benchmark.parts.items()}

@@ -106,9 +106,7 @@ class Agreement:
 
     Attributes:
         parts: share of the compared parts on which all ratings agree, with the exact 95 % interval.
-        kappa: Fleiss' within and between; the mean of Cohen's over the trials for a pair and against truth. None if it
-            is not defined.
-        disagreed: the parts on which they do not agree.
+        kappa: Fleiss' within and between; the mean of Cohen's over the trials for a pair and against truth.
     """
 
     kind: Kind
@@ -122,8 +120,7 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
     """Compute all comparisons that the ratings and the truth by part, as far as known, allow.
 
     "Within" needs an appraiser with several trials. "Between" and "pair" use the parts that the appraisers have in
-    common. "Against truth" uses the parts whose truth is known. Raises ValueError: an appraiser did not rate every part
-    equally often, and at least once.
+    common. Raises ValueError: an appraiser did not rate every part equally often, and at least once.
     """
     for who, by_part in ratings.items():
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):

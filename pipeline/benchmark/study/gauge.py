@@ -27,13 +27,8 @@ LEAST_CATEGORIES = 5
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the analysis of variance, mm².
-
-    Attributes:
-        freedom: degrees of freedom.
-        f: ratio to the mean square that it is tested against; None if it is not tested.
-        p: probability of a ratio at least as large by chance.
-    """
+    """A row of the analysis of variance, mm²: ratio to the mean square that it is tested against, and its probability
+    by chance."""
 
     source: str
     freedom: int
@@ -45,13 +40,9 @@ class Row:
 
 @dataclass(frozen=True)
 class GaugeRR:
-    """Result of a gauge study of parts, appraisers and the trials of each appraiser on each part.
+    """Gauge study: standard deviations of repeats by one appraiser, between appraisers (if several), and between parts.
 
-    Attributes:
-        pooled: the interaction is pooled with the repeats.
-        repeatability_mm: standard deviation of repeats by one appraiser.
-        reproducibility_mm: standard deviation between appraisers, with the interaction; None with one appraiser.
-        part_mm: standard deviation between parts.
+    `pooled`: the interaction is pooled with the repeats; otherwise it counts as reproducibility.
     """
 
     table: tuple[Row, ...]
@@ -65,7 +56,6 @@ class GaugeRR:
 
     @property
     def gauge_mm(self) -> float:
-        """Repeatability and reproducibility together."""
         return math.hypot(self.repeatability_mm, self.reproducibility_mm or 0.0)
 
     @property
@@ -78,7 +68,6 @@ class GaugeRR:
         return self.of_total(self.gauge_mm)
 
     def of_total(self, deviation_mm: float) -> float:
-        """A standard deviation as a share of the total; 0 if nothing varies."""
         return deviation_mm / self.total_mm if self.total_mm else 0.0
 
     @property
@@ -95,8 +84,8 @@ class GaugeRR:
 
 
 def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
-    """Compute the study of depths (parts, appraisers, trials), mm. Raises ValueError: fewer than 2 parts or 2
-    trials, or a value is not finite."""
+    """Compute the study of depths (parts, appraisers, trials), mm, at least 2, 1 and 2. Raises ValueError: fewer, or
+    not finite."""
     x = np.asarray(values_mm, dtype=np.float64)
     if x.ndim != 3 or x.shape[0] < 2 or x.shape[1] < 1 or x.shape[2] < 2:
         raise ValueError(

@@ -45,7 +45,6 @@ class StudiedPart:
 
     @property
     def simulated(self) -> bool:
-        """Whether touch is simulated again for every trial."""
         return (
             len(self.recordings) == 1 and bool(self.recordings[0].height_map) and not self.recordings[0].scan
         )

@@ -44,15 +44,9 @@ def run_study(
 ) -> tuple[Study, str, tuple[Path, ...]]:
     """Measure every part of folders, globs and manifests several times, and write the report.
 
-    Recordings and photographs have one array. `reviewers` is a table of the texts that people read, `truth` of the
-    stamped ones (default: the texts that a manifest expects). The folder also holds the journal of a study that was
-    interrupted.
-
-    Returns:
-        The study, its tables in Markdown, and the files written.
-
-    Raises:
-        MarksError: inputs or tables cannot be used, or the folder cannot be written.
+    `reviewers` is a table of the texts that people read, `truth` of the stamped ones (default: those that a
+    manifest expects). The folder also holds the journal of a study that was interrupted. Returns the study, its tables
+    in Markdown, and the files written. Raises MarksError: inputs, tables or the folder cannot be used.
     """
     settings = plan.settings
     reader_of(settings)  # reject invalid settings before anything is read
@@ -99,11 +93,10 @@ def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> 
 
 
 def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple[str, ...]]:
-    """Load the reviewers' answers for some parts from a table, with the reviewer as mode; and parts not in the study.
+    """Load reviewers' answers from a table, with the reviewer as mode; and the parts that are not in the study.
 
-    Raises:
-        FileError: the table is of another kind, a line has no reviewer, no part is in the study, or a reviewer did not
-            read every part equally often.
+    Raises FileError: another table, a line without a reviewer, no part of the study, or a reviewer who did not read
+    every part equally often.
     """
     known = PartTexts(dict.fromkeys(parts, ""))
     answers: list[Trial] = []

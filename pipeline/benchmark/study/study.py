@@ -26,7 +26,6 @@ class Study:
 
     @cached_property
     def serials(self) -> list[Agreement]:
-        """Agreement of serials between the reader and the reviewers."""
         return agreements(self.texts, self.truth)
 
     @cached_property
@@ -49,7 +48,6 @@ class Study:
 
     @property
     def no_depth(self) -> str:
-        """Reason why there is no gauge study; otherwise empty."""
         if len(self.depths) < 2:
             return "the depth of fewer than two parts is known in every trial"
         return "every part was measured once" if max(m.number for m in self.measured) < 2 else ""

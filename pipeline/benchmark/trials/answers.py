@@ -40,8 +40,8 @@ class Answers:
 
 
 def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) -> Answers:
-    """Load a table of answers to the parts of an exam; `given` are the facts that the reader knew beside the parts.
-    Raises FileError: there is no such table, a part has two lines, or a value is invalid; names the line."""
+    """Load a table of answers to the parts of an exam, by a reader that knew the facts `given`. Raises FileError: no
+    such table, a part with two lines, or an invalid value; it names the line."""
     known = PartTexts((item.part, item.truth) for item in items)
     answered: dict[str, PartLine] = {}
     unknown = []

@@ -33,10 +33,8 @@ class Trial:
     Attributes:
         number: number of the part among those of its kind.
         levels: of all factors of the part, and facts given to the reader (`pipeline.benchmark.exam.condition`).
-        truth: text that was stamped, without spaces.
-        text: text that was read, without spaces; empty with an error, as the decision.
+        truth, text: stamped and read, without spaces; no text with an error.
         broken: it breaks a contract, so that no score is enough.
-        error: why there is no reading; empty if there is one.
         compute_s: time that the program took, without making the part and its photograph.
         scan_s: time that the real array would take for the scan; 0 without touch.
         simulated_s: part of compute_s that replaces the array: mounting the map and simulating the scan.
@@ -76,7 +74,7 @@ class Trial:
 
     @property
     def reading_s(self) -> float:
-        """Time of the reading alone: from the scan or the photograph to the answer."""
+        """Time from the scan or the photograph to the answer."""
         return max(0.0, self.compute_s - self.simulated_s)
 
     @property

@@ -105,8 +105,7 @@ def run_benchmark(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[Trial]:
-    """Run the trials of every part that is not in the folder yet; return all, by part, given facts, perturbation and
-    mode.
+    """Run the trials of every part that is not in the folder yet; return all, by part, facts, perturbation and mode.
 
     Raises:
         FileError: the folder holds another benchmark or cannot be written.
@@ -203,8 +202,7 @@ def _describe(error: Exception) -> str:
 def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
     """Rebuild a benchmark, and some of its items, from the description in its journal, with the present program.
 
-    Raises:
-        MarksError: its parts or whiskers are in files, or its design cannot be made here, for lack of a font or soil.
+    Raises MarksError: its parts or whiskers are in files, or its design lacks a font or soil here.
     """
     wanted, source_values = set(parts), description["parts"]
     if "part" not in source_values:

@@ -10,35 +10,35 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import has_hidden
 from pipeline.common.line_decision import short_result
 from pipeline.common.records import PartRecord
-from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
+from pipeline.service.inputs.trigger import ANSWER_S, answer_of, in_words
 from pipeline.service.web.problem import Problem
+
+if TYPE_CHECKING:
+    from pipeline.service.intake import Intake
 
 _MOST_BYTES = 2000
 _FIELDS = {"name", "part", "job", "expected"}
 
 
 class MqttCalls:
-    """Answer calls."""
+    """Triggers and releases, carried out by the intake."""
 
-    def __init__(self, calls: LineCalls) -> None:
-        self._calls = calls
+    def __init__(self, intake: Intake) -> None:
+        self._intake = intake
+        self._running: set[asyncio.Future[Any]] = set()
 
     async def answer(self, call: str, payload: bytes) -> bytes:
         """Carry out a call, trigger or touch, and return its answer as JSON."""
         answer: dict[str, Any] = {"call": call}
         try:
             answer |= _fields_of(payload)
-            calling = asyncio.ensure_future(self._carry_out(call, answer))
-            # the part is read to its end though nobody waits: it may already be counted on elsewhere
-            done, _ = await asyncio.wait({calling}, timeout=ANSWER_S)
-            if not done:
-                raise Problem(503, "no result in time; the part is still being read")
-            answer |= short_result(calling.result())
+            part = await answer_of(self._carry_out(call, answer), self._running, within_s=ANSWER_S)
+            answer |= short_result(part)
         except Exception as error:
             answer["error"] = in_words(error)
         return json.dumps(answer, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
@@ -46,8 +46,8 @@ class MqttCalls:
     def _carry_out(self, call: str, content: Mapping[str, str]) -> Awaitable[PartRecord]:
         name, expected = content.get("name", ""), content.get("expected", "")
         if call == "touch":
-            return self._calls.release(content.get("part", name), within_s=ANSWER_S)
-        return self._calls.trigger(name, content.get("job", ""), expected=expected, within_s=ANSWER_S)
+            return self._intake.release(content.get("part", name), within_s=ANSWER_S)
+        return self._intake.trigger(name, content.get("job", ""), expected=expected, within_s=ANSWER_S)
 
 
 def _fields_of(payload: bytes) -> dict[str, str]:

@@ -38,17 +38,18 @@ from pipeline.service.inputs.opcua_server import (
     ua,
     variant,
 )
-from pipeline.service.inputs.trigger import ANSWER_S, LineCalls, in_words
+from pipeline.service.inputs.trigger import ANSWER_S, in_words
 from pipeline.service.settings import host_and_port
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import problem_of
 
 if TYPE_CHECKING:
+    from pipeline.service.intake import Intake
     from pipeline.service.settings import OpcUaSettings
 
 IDLE, SCANNING, BUSY = 0, 2, 3
+# LastDecision after a call that has failed
 FAILED = "ERROR"
-"""LastDecision after a call that has failed."""
 _LEAVE_S = 0.1
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
@@ -60,15 +61,14 @@ _ANSWERED = ContextVar("answered", default=False)
 
 
 class OpcUaPort:
-    """The OPC UA server; `port` 0 becomes the real one once it is started."""
+    """The OPC UA server, for so many signed-in connections; `port` 0 becomes the real one at the start."""
 
     title = "OPC UA server"
     trouble = ""
 
-    def __init__(self, settings: OpcUaSettings, calls: LineCalls, *, connections: int = 16) -> None:
-        """`connections` is the greatest number of signed-in connections at once."""
+    def __init__(self, settings: OpcUaSettings, intake: Intake, *, connections: int = 16) -> None:
         self.host, self.port = host_and_port(settings.port or "0")
-        self._settings, self._calls = settings, calls
+        self._settings, self._intake = settings, intake
         self._connections = connections
         self._server: Any = None
         self._nodes: dict[str, Any] = {}
@@ -80,8 +80,7 @@ class OpcUaPort:
         self._showing = asyncio.Lock()
 
     async def start(self) -> dict[str, object]:
-        """Build the nodes and listen; returns where. Raises OSError: the address is not available, or a certificate
-        cannot be read."""
+        """Build the nodes and listen. Raises OSError: the address is not available, or a certificate cannot be read."""
         server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()
         server.set_server_name("tactile-marks")
@@ -98,16 +97,16 @@ class OpcUaPort:
             )
         else:
             server.set_security_policy([policy.NoSecurity])
-        users, calls = self._settings.users, self._calls
+        users, intake = self._settings.users, self._intake
         server.set_identity_tokens([ua.UserNameIdentityToken if users else ua.AnonymousIdentityToken])
         methods: dict[str, Callable[..., Awaitable[Any]]] = {
             "Scan": self._scan,
             "ScanStart": self._scan_start,
             "ScanStop": self._scan_stop,
-            "TriggerPart": partial(self._of_part, calls.trigger),
-            "TriggerJob": partial(self._of_part, calls.trigger),
-            "TouchPart": partial(self._of_part, calls.release),
-            "PartResult": partial(self._of_part, calls.look_up, busy=False),
+            "TriggerPart": partial(self._of_part, intake.trigger),
+            "TriggerJob": partial(self._of_part, intake.trigger),
+            "TouchPart": partial(self._of_part, intake.release),
+            "PartResult": partial(self._of_part, intake.look_up, busy=False),
         }
         self._nodes, self._events = await set_up_device(server, methods)
         await server.start()
@@ -116,7 +115,6 @@ class OpcUaPort:
         return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
-        """Close; what is being read gets `grace_s`."""
         self._stopped = True
         if self._scanning is not None:
             await end_tasks([self._scanning], grace_s=grace_s)
@@ -162,14 +160,14 @@ class OpcUaPort:
             ("LastDecision", decision),
             ("LastConfidence", confidence),
         ):
-            await self._write(name, value, at=source_time)
+            await self._write(name, value, source_time=source_time)
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
         if (refused := await self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
             return refused
         wait_s = arguments[0].Value.Duration / 1000.0 or ANSWER_S
         wait_s = min(wait_s, ANSWER_S)
-        call = partial(self._calls.trigger, "", within_s=wait_s)
+        call = partial(self._intake.trigger, "", within_s=wait_s)
         part, status = await self._wait(self._begin(call, BUSY, answered=True), wait_s)
         results = [ocr_scan_result(part)] if part is not None else []
         return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
@@ -177,7 +175,7 @@ class OpcUaPort:
     async def _scan_start(self, _parent: Any, *arguments: Any) -> Any:
         if (refused := await self._refusal(fits=settings_fit(arguments, endless=True))) is not None:
             return refused
-        self._started = self._begin(partial(self._calls.trigger, "", within_s=ANSWER_S), SCANNING)
+        self._started = self._begin(partial(self._intake.trigger, "", within_s=ANSWER_S), SCANNING)
         return [variant(SUCCESS)]
 
     async def _scan_stop(self, _parent: Any, *_arguments: Any) -> Any:
@@ -257,9 +255,9 @@ class OpcUaPort:
         return scan.result(), status_of(scan.result())
 
     async def _write(
-        self, name: str, value: str | int | float | datetime, *, at: datetime | None = None
+        self, name: str, value: str | int | float | datetime, *, source_time: datetime | None = None
     ) -> None:
-        await self._nodes[name].write_value(ua.DataValue(variant(value), SourceTimestamp=at))
+        await self._nodes[name].write_value(ua.DataValue(variant(value), SourceTimestamp=source_time))
 
 
 def status_of(part: PartRecord) -> int:

@@ -30,7 +30,14 @@ from typing import Any
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.version import program_version
-from pipeline.service.connections import WRITE_S, SparingLog, address_block, longest_idle_of_busiest
+from pipeline.service.connections import (
+    WRITE_S,
+    SparingLog,
+    address_block,
+    longest_idle_of_busiest,
+    peer_address,
+)
+from pipeline.service.tasks import start
 
 try:
     from asyncua import ua as _untyped
@@ -56,10 +63,10 @@ _EMPTY = (
 )
 _KINDS = frozenset({b"HEL", b"OPN", b"MSG", b"CLO", b"ERR"})
 # connections that have not signed in
-MOST_STRANGERS = 32
-# seconds within which a stranger must sign in
+MOST_ANONYMOUS = 32
+# seconds within which a caller must sign in
 SIGN_IN_S = 10.0
-# bad requests after which a stranger's connection is closed
+# bad requests after which an anonymous connection is closed
 MOST_FAULTS = 3
 # methods that run at once for one connection
 MOST_CALLS = 8
@@ -75,13 +82,13 @@ _CODES = ua.StatusCodes
 _WRONG = (_CODES.BadUserAccessDenied, _CODES.BadIdentityTokenInvalid, _CODES.BadIdentityTokenRejected)
 
 
+# methods in plain types, with the names of their arguments; each returns the part
 PLAIN_METHODS = {
     "TriggerPart": ("PartName",),
     "TriggerJob": ("PartName", "JobName"),
     "TouchPart": ("PartName",),
     "PartResult": ("PartName",),
 }
-"""Methods in plain types, with the names of their arguments; each returns the part."""
 _ANSWER = ("PartId", "Text", "Decision")
 
 
@@ -139,7 +146,6 @@ class Users(UserManager):
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None
     ) -> Any:
-        """The user, or None if the name or password is wrong."""
         if self._passwords:
             wanted = self._passwords.get(username or "", "")
             same = hmac.compare_digest(wanted.encode(), (password or "").encode("utf-8", "replace"))
@@ -159,7 +165,7 @@ def settings_fit(arguments: tuple[Any, ...], *, endless: bool) -> bool:
 
 
 def bad(code: str) -> Any:
-    """The status code of that name."""
+    """The status code with a name."""
     return ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, code)))
 
 
@@ -181,7 +187,7 @@ class GuardedServer(Server):
         for name in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
             logging.getLogger(name).setLevel(logging.ERROR)
         self.iserver.allow_remote_admin = False
-        self.iserver.max_connections = sessions + MOST_STRANGERS + 1
+        self.iserver.max_connections = sessions + MOST_ANONYMOUS + 1
         self.iserver.max_pending_activation_seconds = SIGN_IN_S
         self.iserver.max_subscriptions = 4 * sessions
         self.limits.max_message_size = MESSAGE_BYTES
@@ -218,14 +224,14 @@ class _Connection(OPCUAProtocol):
         self.address, self.gone, self.faults = "", False, 0
         self.block, self.heard_s = "", 0.0
         self.unread: asyncio.TimerHandle | None = None
-        self.calls: set[asyncio.Task[Any]] = set()
+        self.calls: set[asyncio.Future[Any]] = set()
 
     def connection_made(self, transport: Any) -> None:
-        self.address = str((transport.get_extra_info("peername") or ("",))[0])
+        self.address = peer_address(transport)
         self.block, self.heard_s = address_block(self.address), time.monotonic()
-        strangers = [client for client in self._live() if not client.signed_in]
-        if len(strangers) >= MOST_STRANGERS:
-            longest_idle_of_busiest(strangers).let_go("others wait")
+        anonymous = [client for client in self._live() if not client.signed_in]
+        if len(anonymous) >= MOST_ANONYMOUS:
+            longest_idle_of_busiest(anonymous).disconnect("others wait")
         super().connection_made(transport)
         self.processor = _Processor(self)
 
@@ -240,9 +246,9 @@ class _Connection(OPCUAProtocol):
     def data_received(self, data: bytes) -> None:
         begin = self._buffer[:3] + data[: max(0, 3 - len(self._buffer))]
         if len(begin) == 3 and begin not in _KINDS:
-            self.let_go("it does not speak OPC UA")
+            self.disconnect("it does not speak OPC UA")
         elif len(self._buffer) + len(data) > 2 * MESSAGE_BYTES:
-            self.let_go("its message is too large")
+            self.disconnect("its message is too large")
         elif not self.gone:
             self.heard_s = time.monotonic()
             super().data_received(data)
@@ -251,7 +257,7 @@ class _Connection(OPCUAProtocol):
         if self.transport is not None:
             self.transport.pause_reading()
             loop = asyncio.get_running_loop()
-            self.unread = loop.call_later(WRITE_S, self.let_go, "it does not read its answers")
+            self.unread = loop.call_later(WRITE_S, self.disconnect, "it does not read its answers")
 
     def resume_writing(self) -> None:
         if self.transport is not None and self.unread is not None:
@@ -263,7 +269,7 @@ class _Connection(OPCUAProtocol):
         session = self.processor.session if self.processor is not None else None
         return session is not None and bool(session.is_activated())
 
-    def let_go(self, why: str) -> None:
+    def disconnect(self, why: str) -> None:
         if not self.gone and self.transport is not None:
             self.gone = True
             self.log.say(f"{why} {self.address}", f"a connection from {self.address} was closed: {why}")
@@ -275,7 +281,7 @@ class _Connection(OPCUAProtocol):
             return True
         idle = [client for client in signed_in if not client.calls]
         if idle:
-            longest_idle_of_busiest(idle).let_go("others wait")
+            longest_idle_of_busiest(idle).disconnect("others wait")
         return bool(idle)
 
     def _live(self) -> list[_Connection]:
@@ -286,7 +292,7 @@ class _Connection(OPCUAProtocol):
         try:
             return bool(await super()._process_one_msg(header, buf))
         except Exception as error:
-            self.let_go(f"it sends what cannot be understood ({type(error).__name__})")
+            self.disconnect(f"it sends what cannot be understood ({type(error).__name__})")
             return False
 
 
@@ -303,15 +309,13 @@ class _Processor(UaProcessor):
         if isinstance(response, ua.ServiceFault) and not self.connection.signed_in:
             self.connection.faults += 1
             if self.connection.faults >= MOST_FAULTS:
-                self.connection.let_go("it sends bad requests without having signed in")
+                self.connection.disconnect("it sends bad requests without having signed in")
 
     async def process_message(self, sequence: Any, body: Any) -> Any:
         processing = super().process_message(sequence, body)  # type: ignore[no-untyped-call]
         if not self.connection.signed_in or nodeid_from_binary(body.copy()) != _CALL:
             return await processing
-        calls, task = self.connection.calls, asyncio.create_task(processing)
-        calls.add(task)
-        task.add_done_callback(calls.discard)
+        start(processing, self.connection.calls)
         return True
 
     async def _process_message(self, kind: Any, *message: Any) -> bool:
@@ -327,7 +331,7 @@ class _Processor(UaProcessor):
         try:
             done = bool(await super()._process_message(kind, *message))  # type: ignore[no-untyped-call]
             if kind == _ACTIVATE and not self.connection.make_room():
-                self.connection.let_go("too many have signed in, and all are scanning")
+                self.connection.disconnect("too many have signed in, and all are scanning")
             return done
         except Exception as error:
             if kind == _ACTIVATE and getattr(error, "code", None) in _WRONG:

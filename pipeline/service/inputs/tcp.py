@@ -23,10 +23,10 @@ import contextlib
 import re
 import socket
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from string import Formatter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from glyphs.errors import MarksError
@@ -35,26 +35,27 @@ from pipeline.common.line_decision import NO_READING, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest
-from pipeline.service.inputs.trigger import LineCalls, in_words
+from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest, peer_address
+from pipeline.service.inputs.trigger import answer_of, in_words
 from pipeline.service.settings import host_and_port
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.access import is_in
 
 if TYPE_CHECKING:
+    from pipeline.service.intake import Intake
     from pipeline.service.settings import TcpSettings
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
 # fields of the part, and of its reading
 _OF_PART = ("name", "text", "id", "state", "expected", "database", "job")
 _OF_READING = ("source", "verdict", "font")
-_MADE: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
+_COMPUTED: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
     "decision": lambda part, _: decision_of(part).value,
     "lines": lambda _, reading: lines_text(reading.lines),
     "codes": lambda _, reading: codes_text(reading.codes),
     "fields": lambda _, reading: fields_text(reading.fields),
 }
-TEXT_FIELDS = (*_OF_PART, *_OF_READING, *_MADE)
+TEXT_FIELDS = (*_OF_PART, *_OF_READING, *_COMPUTED)
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
@@ -63,12 +64,12 @@ _LINGER_S = 0.5
 # seconds of silence until the system asks whether a controller is there, seconds between questions, and their number
 _KEEPALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 _END = re.compile(rb"[\r\n]")
+# head of a STRING: its maximum and present length, before a command
 _SIMATIC = re.compile(rb"(?s)(?:[^\0\r\n].|.[^\0\r\n])(?=TRIGGER|TOUCH|RESULT|PING)", re.IGNORECASE)
-"""Head of a STRING: its maximum and present length, before a command."""
 # NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
 _PADDING = b"\0\r\n"
+# the first line of an HTTP request, or the first bytes of TLS
 _WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
-"""The first line of an HTTP request, or the first bytes of TLS."""
 
 
 class ResultStringError(MarksError):
@@ -79,7 +80,7 @@ class ResultString:
     """Makes result strings of one format."""
 
     def __init__(self, template: str = DEFAULT_FORMAT) -> None:
-        """Raise ResultStringError for an unknown field, one written as no number can be, or a control character."""
+        """Raises ResultStringError: an unknown field, one written as no number can be, or a control character."""
         self.template = template
         if not template or len(template) > _LONGEST:
             raise ResultStringError(
@@ -102,11 +103,10 @@ class ResultString:
         self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
 
     def of(self, part: PartRecord) -> str:
-        """The result string of a part, without the line's end."""
         reading = part.reading or NO_READING
         texts = {name: str(getattr(part, name)) for name in _OF_PART}
         texts |= {name: getattr(reading, name) for name in _OF_READING}
-        texts |= {name: make(part, reading) for name, make in _MADE.items()}
+        texts |= {name: make(part, reading) for name, make in _COMPUTED.items()}
         texts = {name: self._quote(text) for name, text in texts.items()}
         numbers = {name: getattr(reading, name) or 0.0 for name in NUMBER_FIELDS}
         return self.template.format(**texts, **numbers)
@@ -133,12 +133,9 @@ def _check_field(field: str, spec: str, conversion: str | None) -> None:
 
 @dataclass(frozen=True)
 class TcpLimits:
-    """Resource limits of callers.
+    """Resource limits of callers: connections at once, bytes of a line, and times.
 
     Attributes:
-        connections: at once; for a further one an idle one is closed, or it gets an error.
-        line_bytes: maximum length of a line; a longer one gets an error and closes the connection.
-        idle_s: time without a line after which a connection is closed.
         line_s: time in which a line that has begun must end.
         answer_s: timeout of one trigger; after it the answer is an error, but the part is read to its end.
         write_s: time in which the caller must take an answer.
@@ -162,27 +159,26 @@ class TcpPort:
     title = "TCP trigger port"
     trouble = ""
 
-    def __init__(self, settings: TcpSettings, calls: LineCalls, *, limits: TcpLimits | None = None) -> None:
+    def __init__(self, settings: TcpSettings, intake: Intake, *, limits: TcpLimits | None = None) -> None:
         self.host, self.port = host_and_port(settings.port or "0")
-        self._calls = calls
+        self._intake = intake
         self._result = ResultString(settings.format or DEFAULT_FORMAT)
         self._clients = settings.clients
         self._limits = limits or TcpLimits()
         self._server: asyncio.Server | None = None
         self._callers: dict[asyncio.Task[None], _Caller] = {}
-        self._reading: set[asyncio.Task[bytes]] = set()
+        self._reading: set[asyncio.Future[Any]] = set()
         self._stopping = False
         self._log = SparingLog("TCP port")
 
     async def start(self) -> dict[str, object]:
-        """Listen; returns where. Raises OSError: the address is not available."""
         limit = 2 * self._limits.line_bytes
         self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
         self.port = self._server.sockets[0].getsockname()[1]
         return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
-        """Close the port: accept no new callers, drop idle ones, and give triggers under way `grace_s` seconds."""
+        """Accept no new callers, drop idle ones, and give triggers under way `grace_s`."""
         self._stopping = True
         if self._server is not None:
             self._server.close()
@@ -269,25 +265,17 @@ class TcpPort:
                 return b"PONG"
             case "TRIGGER" if (job or not colon) and (expected or not equals):
                 serial = unquote(expected)
-                call = self._calls.trigger(part, job, expected=serial, within_s=within_s)
+                call = self._intake.trigger(part, job, expected=serial, within_s=within_s)
             case "TOUCH" if part and not (colon or equals):
-                call = self._calls.release(part, within_s=within_s)
+                call = self._intake.release(part, within_s=within_s)
             case "RESULT" if part and not (colon or equals):
-                call = self._calls.look_up(part)
+                call = self._intake.look_up(part)
             case _:
                 return _error(
                     "unknown command; send TRIGGER name, TRIGGER:job name, TOUCH name, RESULT name, or PING"
                 )
-        # the part is read to its end though the caller may go: it may already be counted on elsewhere
-        reading = asyncio.create_task(self._read(call))
-        self._reading.add(reading)
-        reading.add_done_callback(self._reading.discard)
-        done, _ = await asyncio.wait({reading}, timeout=within_s)
-        return reading.result() if done else _error("no result in time; the part is still being read")
-
-    async def _read(self, call: Awaitable[PartRecord]) -> bytes:
         try:
-            return self._result.of(await call).encode()
+            return self._result.of(await answer_of(call, self._reading, within_s=within_s)).encode()
         except Exception as error:
             return _error(in_words(error))
 
@@ -309,7 +297,7 @@ class _Caller:
 
     @property
     def address(self) -> str:
-        return str((self.writer.get_extra_info("peername") or ("",))[0])
+        return peer_address(self.writer)
 
     @property
     def block(self) -> str:

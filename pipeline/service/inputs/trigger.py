@@ -1,32 +1,34 @@
-"""Common code of the ports at the line: calls and error messages."""
+"""Common code of the ports at the line: calls that may outlast their callers, and error messages."""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable
-from typing import Protocol
+from typing import Any, TypeVar
 
 from glyphs.plain_text import is_hidden
-from pipeline.common.records import PartRecord
-from pipeline.service.web.problem import problem_of
+from pipeline.service.tasks import start
+from pipeline.service.web.problem import Problem, problem_of
 
 _MOST_WORDS = 200
+# time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt
 ANSWER_S = 120.0
-"""Time limit of a trigger, s; after it the caller gets an error, and the part is read to its end, but not felt."""
+T = TypeVar("T")
 
 
-class LineCalls(Protocol):
-    """Calls of controllers; each raises what `problem_of` turns into an answer."""
+async def answer_of(call: Awaitable[T], running: set[asyncio.Future[Any]], *, within_s: float) -> T:
+    """Wait for a call, which goes on if its caller leaves: its part may already be counted on elsewhere.
 
-    def trigger(
-        self, name: str, job: str = "", *, expected: str = "", within_s: float = ANSWER_S
-    ) -> Awaitable[PartRecord]:
-        """Photograph the part with a name, read it by a job (both may be empty), and return it once it is stored."""
-
-    def release(self, part: str, *, within_s: float = ANSWER_S) -> Awaitable[PartRecord]:
-        """Have a part felt that lies under the whiskers, by its id or name."""
-
-    def look_up(self, part: str) -> Awaitable[PartRecord]:
-        """The part with an id, or the latest of a name, as it stands."""
+    Raises Problem: 503, it takes longer.
+    """
+    calling = start(call, running)
+    calling.add_done_callback(
+        lambda done: done.cancelled() or done.exception()
+    )  # nobody may wait for it by then
+    done, _ = await asyncio.wait({calling}, timeout=within_s)
+    if not done:
+        raise Problem(503, "no result in time; the part is still being read")
+    return calling.result()
 
 
 def in_words(error: BaseException) -> str:

@@ -62,21 +62,20 @@ if TYPE_CHECKING:
     from pipeline.service.settings import WatchSettings
 
 log = structlog.get_logger("tactile-marks")
-REST = 5.0
-"""Least wait before the next look or attempt, in durations of the last one, so that neither uses the whole machine."""
-LEAST_REST_S = 1.0
-"""Least wait after a failed attempt."""
+# least wait before the next look or attempt, in durations of the last one: neither may use the whole machine
+PAUSE = 5.0
+# least wait after a failed attempt
+LEAST_PAUSE_S = 1.0
+# time after which an unfinished upload, or a file that may not be opened, counts as left behind, s
 LEFT_S = 60.0
-"""Time after which an unfinished upload, or a file that may not be opened, counts as left behind, s."""
 
 
 @dataclass(frozen=True)
 class WatchedPart:
-    """The photographs of one part.
+    """The photographs of one part, by path.
 
     Attributes:
         name: its subfolder and the file's stem, or the set's.
-        files: size and time of each file, by path.
         moved: keys of the same files, wherever they are moved to.
         since_s: time since which they stand unchanged, by the monotonic clock.
     """
@@ -89,7 +88,6 @@ class WatchedPart:
 
     @property
     def key(self) -> IdempotencyKey:
-        """The key of the part, with those of its present files."""
         key = IdempotencyKey.of_files(picture_key(path, state) for path, state in self.files.items())
         return replace(key, files=(*key.files, *self.moved))
 
@@ -100,7 +98,7 @@ class WatchedFolder:
     title = "watched folder"
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Watch the folder of the settings, and read `at_once` parts at a time. Raises FileError: no such folder."""
+        """Read `at_once` parts at a time. Raises FileError: there is no such folder."""
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
@@ -115,9 +113,9 @@ class WatchedFolder:
         self.trouble = ""
         self._task: asyncio.Task[None] | None = None
         # files and sets as they stood at the last look, and since when
-        self._seen: dict[str, tuple[dict[str, FileStamp], float]] = {}
+        self._last_look: dict[str, tuple[dict[str, FileStamp], float]] = {}
         # keys of files that are read, or cannot be used
-        self._known: set[str] = set()
+        self._known_keys: set[str] = set()
         # keys of files that were there before the folder was watched; None until it is
         self._older: set[str] | None = None
         # keys of the files at the last look; None before, and while the folder cannot be looked at
@@ -140,15 +138,14 @@ class WatchedFolder:
         await end_tasks([] if self._task is None else [self._task])
 
     def renew_keys(self, *, before: datetime) -> bool:
-        """Renew the store's keys of the folder's files that are from before a time; whether they are known. StoreError:
-        no store."""
+        """Renew the store's keys of the folder's files that are from before a time; whether they are known."""
         if (present := self._present) is None:
             return False
         self._intake.store.renew_keys(present, before=before)
         return True
 
     async def look(self) -> float:
-        """Look once, and submit what is complete; returns the seconds of the look. Raises StoreError: no answer."""
+        """Look once, and submit what is complete; returns the seconds of the look."""
         limit = asyncio.Semaphore(self._at_once)
 
         async def take(part: WatchedPart) -> None:
@@ -165,7 +162,7 @@ class WatchedFolder:
         return took_s
 
     async def _round(self) -> None:
-        await asyncio.sleep(REST * await self.look())
+        await asyncio.sleep(PAUSE * await self.look())
 
     def _complete(self) -> list[WatchedPart]:
         began_s, groups = time.monotonic(), dict[str, dict[str, FileStamp]]()
@@ -179,16 +176,16 @@ class WatchedFolder:
         keys = {path: picture_key(path, stamp_of(status)) for path, status in now.items()}
         moved = {path: _moved_key(status) for path, status in now.items()}
         self._present = frozenset([*keys.values(), *moved.values()])
-        self._known &= self._present
+        self._known_keys &= self._present
         self._older = set(keys.values()) if self._older is None else self._older
-        before, self._seen, parts = self._seen, {}, list[WatchedPart]()
+        before, self._last_look, parts = self._last_look, {}, list[WatchedPart]()
 
         def is_new(files: Mapping[str, FileStamp]) -> bool:
-            return not all(self._known.intersection((keys[path], moved[path])) for path in files)
+            return not all(self._known_keys.intersection((keys[path], moved[path])) for path in files)
 
         for name, files in groups.items():
             stood, since_s = before.get(name, ({}, began_s))
-            self._seen[name] = files, since_s if stood == files else began_s
+            self._last_look[name] = files, since_s if stood == files else began_s
             settled = began_s - since_s >= self._settings.settle_s
             whole = name in now or len(files) == self._settings.photos
             # one whose end is missing may still be written
@@ -200,7 +197,7 @@ class WatchedFolder:
             parts.append(
                 WatchedPart(part_name, files, tuple(map(moved.__getitem__, files)), since_s, expected)
             )
-        self._known |= self._intake.store.known_keys(key for part in parts for key in part.key.files)
+        self._known_keys |= self._intake.store.known_keys(key for part in parts for key in part.key.files)
         new = (part for part in parts if is_new(part.files))
         return sorted(new, key=lambda part: (min(ns for _, ns in part.files.values()), part.name))
 
@@ -300,7 +297,7 @@ class WatchedFolder:
         except Exception as error:
             if not self._is_final(part, error, began_s):
                 return
-        self._known |= set(key.files)
+        self._known_keys |= set(key.files)
 
     def _is_final(self, part: WatchedPart, error: Exception, began_s: float) -> bool:
         why, key = str(error), part.key.key
@@ -311,7 +308,7 @@ class WatchedFolder:
             why = describe_fault(error)
             log.error("fault of the program for a watched file", file=visible(part.name), exc_info=error)
         now_s, (before, _) = time.monotonic(), self._failures.get(key, ("", 0.0))
-        self._failures[key] = why, now_s + max(LEAST_REST_S, REST * (now_s - began_s))
+        self._failures[key] = why, now_s + max(LEAST_PAUSE_S, PAUSE * (now_s - began_s))
         if before != why:
             log.warning("watched file waits", file=visible(part.name), why=why)
         return False

@@ -32,8 +32,8 @@ from pipeline.service.tasks import end_tasks
 if TYPE_CHECKING:
     from pipeline.store.store import Store
 
+# names of the targets of results, in words
 TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
-"""Names of the targets of results, in words."""
 
 
 @dataclass
@@ -41,11 +41,9 @@ class Connection:
     """One connection: a target of results, or a port that listens.
 
     Attributes:
-        key: mqtt, webhook, tcp or opcua.
         address: of a listening port; empty for a target.
         error: why a target cannot be reached; empty while it can, as far as is known.
         refused: why a target does not take results, by their numbers.
-        waiting: results that wait to be sent, and since when; None if none wait.
     """
 
     key: str
@@ -58,7 +56,6 @@ class Connection:
 
     @property
     def why(self) -> str:
-        """The problem and its remedy; empty without one."""
         return self.error or next(iter(self.refused.values()), "")
 
     @property
@@ -78,8 +75,8 @@ class Connection:
         return f"{self.state} since {self.since:%Y-%m-%dT%H:%M:%SZ}{waiting}"
 
 
+# most refused results that are remembered for each target; all of them wait in the outbox
 _MOST_REFUSED = 100
-"""Most refused results that are remembered for each target; all of them wait in the outbox."""
 _log = logging.getLogger(__name__)
 
 
@@ -114,18 +111,16 @@ class Sender(Protocol):
     async def send(self, delivery: Delivery) -> None:
         """Return once the target has the delivery. Raises DeliveryError: it has not arrived, or may not have."""
 
-    async def close(self) -> None:
-        """Disconnect from the target."""
+    async def close(self) -> None: ...
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Waits and timeouts of a dispatcher, s.
+    """Waits and timeouts of a dispatcher, s; each further attempt waits twice as long.
 
     Attributes:
         together: deliveries of different parts leased and sent to one target at the same time.
         look_s: between two looks at the outbox when nothing wakes the dispatcher.
-        first_wait_s: before the second attempt; doubled with every further one, up to `longest_wait_s`.
         longest_rest_s: of a target that is down.
         send_s: timeout of one attempt, whatever the sender's own limits.
         lease_s: time for which other services leave a delivery alone; longer than `send_s`.

@@ -36,7 +36,7 @@ from pipeline.common.line_decision import short_result
 from pipeline.common.reading_records import from_json
 from pipeline.common.records import Delivery, PartRecord
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
-from pipeline.service.tasks import end_tasks
+from pipeline.service.tasks import end_tasks, start
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings
@@ -44,18 +44,18 @@ if TYPE_CHECKING:
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 QOS = 1
 _CALLS = ("trigger", "touch")
+# maximum number of calls in progress
 MOST_CALLS = 16
-"""Maximum number of calls in progress."""
+# keepalive interval, s; a silent broker is noticed after one and a half of it
 KEEPALIVE_S = 30
-"""Keepalive interval, s; a silent broker is noticed after one and a half of it."""
+# seconds for an orderly end of a connection
 LEAVE_S = 2.0
-"""Seconds for an orderly end of a connection."""
 _UNSUPPORTED_VERSION, _NOT_AUTHORISED, _TOO_LARGE = 0x84, 0x87, 0x95
+# protocol error (mosquitto's answer to a large message, which the library does not know), packet too large
 _ENDS_OVER_A_MESSAGE = frozenset({0x82, _TOO_LARGE})
-"""Protocol error (mosquitto's answer to a large message, which the library does not know), packet too large."""
 _TOO_LONG = "raise the broker's limit for messages"
+# maximum overhead of a message beside topic and payload, bytes
 _HEAD_BYTES = 16
-"""Maximum overhead of a message beside topic and payload, bytes."""
 ONLINE, OFFLINE = b"online", b"offline"
 # seconds after which a running service says again that it is online
 ONLINE_EVERY_S = 5.0
@@ -72,7 +72,7 @@ async def _answer_nothing(_call: str, _payload: bytes) -> bytes:
 
 
 class MqttSender:
-    """Publishes deliveries to a broker; connects again after a loss."""
+    """Publish deliveries to a broker; connect again after a loss."""
 
     def __init__(
         self,
@@ -81,15 +81,10 @@ class MqttSender:
         *,
         timeout_s: float = 10.0,
     ) -> None:
-        """Prepare the sender; TLS certificates are checked by the system's authorities, or those of the file
-        SSL_CERT_FILE.
+        """Prepare the sender; `timeout_s` is for connecting, and for one acknowledgement.
 
-        Args:
-            answer_call: answers a call, trigger or touch, if the settings allow calls.
-            timeout_s: timeout for connecting, and for one acknowledgement.
-
-        Raises:
-            MissingExtraError: paho-mqtt is not installed.
+        TLS certificates are checked by the system's authorities, or those of the file SSL_CERT_FILE. `answer_call`
+        answers a trigger or touch, if the settings allow calls. Raises MissingExtraError: paho-mqtt is not installed.
         """
         try:
             import paho.mqtt.client  # noqa: F401 - asked for at the start, not with the first result
@@ -101,7 +96,7 @@ class MqttSender:
         self._connection: MqttConnection | None = None
         self._closed, self._online_s = False, 0.0
         self._answer_call = answer_call
-        self._calling: set[asyncio.Task[None]] = set()
+        self._calling: set[asyncio.Future[Any]] = set()
 
     async def ping(self) -> bool:
         """Stay connected, so that the status is online with nothing to publish. Raises DeliveryError: no broker."""
@@ -109,8 +104,7 @@ class MqttSender:
         return True
 
     async def send(self, delivery: Delivery) -> None:
-        """Publish a delivery and wait until the broker has accepted it. Raises DeliveryError: no broker, no
-        acknowledgement, or the broker refuses it."""
+        """Publish a delivery. Raises DeliveryError: no broker, no acknowledgement, or the broker refuses it."""
         connection = await self._connect()
         try:
             alert = delivery.payload.get("alert")
@@ -173,9 +167,7 @@ class MqttSender:
         if len(self._calling) >= MOST_CALLS:
             _log.warning("a call of MQTT was ignored: %s others are in progress", MOST_CALLS)
             return
-        answering = asyncio.create_task(self._publish_answer(message))
-        self._calling.add(answering)
-        answering.add_done_callback(self._calling.discard)
+        start(self._publish_answer(message), self._calling)
 
     async def _publish_answer(self, message: Any) -> None:
         answer = await self._answer_call(message.topic.rpartition("/")[2], message.payload)
@@ -248,15 +240,13 @@ class MqttConnection:
             raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
 
     def subscribe(self, topics: Sequence[str], take: Callable[[Any], None]) -> None:
-        """Subscribe to topics; `take` is called in the event loop with every message."""
         self._client.on_message = lambda _c, _d, message: self._in_loop(take, message)
         self._client.subscribe([(topic, QOS) for topic in topics])
 
     async def publish(
         self, topic: str, payload: bytes, *, retain: bool = False, correlation: bytes | None = None
     ) -> None:
-        """Publish and wait for the acknowledgement; an answer has the correlation data of its call. Raises
-        DeliveryError: the broker is gone, has acknowledged nothing in time, or refuses the message."""
+        """Publish, and wait. Raises DeliveryError: no acknowledgement in time, or the broker refuses it."""
         n_bytes = _HEAD_BYTES + len(topic.encode()) + len(payload)
         if 0 < self._most_bytes < n_bytes:
             what = f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be"

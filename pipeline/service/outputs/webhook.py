@@ -37,14 +37,9 @@ _ADDRESS_WRONG = frozenset({401, 403, 404, 405, 407, 410})
 
 
 def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> str:
-    """The header webhook-signature.
+    """The header webhook-signature; a secret is any text, or whsec_ followed by the key in base64.
 
-    Args:
-        secret: any text, or whsec_ followed by the key in base64.
-        timestamp: value of the header webhook-timestamp, s.
-
-    Raises:
-        SettingsError: a whsec_ secret that is no base64.
+    Raises SettingsError: a whsec_ secret that is no base64.
     """
     signed = f"{webhook_id}.{timestamp}.".encode() + body
     digest = hmac.new(_key(secret), signed, hashlib.sha256).digest()
@@ -55,8 +50,7 @@ class WebhookSender:
     """Post deliveries to a web address."""
 
     def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
-        """`timeout_s`: of one delivery, from connecting to the answer's end. Raises SettingsError: a whsec_ secret that
-        is no base64."""
+        """`timeout_s`: of one delivery, to the answer's end. Raises SettingsError: as `signature`."""
         import httpx
 
         self._url, self._secret, self._timeout_s = settings.url, settings.secret, timeout_s

@@ -14,6 +14,7 @@ from typing import Literal
 from fastapi import APIRouter, Depends
 from starlette.responses import Response
 
+from pipeline.common.line_decision import NO_READING
 from pipeline.common.records import Agreement, AgreementDay, PartRecord, PartState, TrendStep
 from pipeline.common.texts import same_text
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
@@ -75,7 +76,8 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             limit=PARTS_SHOWN + 1,
         )
         page = page_of(parts, "/shadow", {"span": span, "show": show}, before)
-        surest = sorted(page["parts"], key=_confidence, reverse=True)
+        surest = sorted(page["parts"], key=lambda part: (part.reading or NO_READING).confidence, reverse=True)
+        page["parts"] = [(part, _read_cells(part), who_was_right(part)) for part in surest]
         return view.page(
             "shadow.html.j2",
             span=span,
@@ -84,7 +86,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             since=since,
             all=total,
             days=days[::-1],
-            **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in surest]},
+            **page,
         )
 
 
@@ -147,9 +149,5 @@ def who_was_right(part: PartRecord) -> str:
     return "this reader" if ours and not theirs else "the line’s" if theirs and not ours else "neither"
 
 
-def _confidence(part: PartRecord) -> float:
-    return 0.0 if part.reading is None else part.reading.confidence
-
-
-def _said(part: PartRecord) -> tuple[Cell, ...]:
-    return expected_cells(replace(part, text=part.reading.text if part.reading is not None else ""))
+def _read_cells(part: PartRecord) -> tuple[Cell, ...]:
+    return expected_cells(replace(part, text=(part.reading or NO_READING).text))

@@ -76,7 +76,6 @@ class Frame:
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
-        """The view of a caller with the right to review; errors as in `reader_view`."""
         return View(self, request, self.access.caller(request, Scope.REVIEW))
 
     def render(
@@ -91,7 +90,7 @@ class Frame:
         """Render a page; a new browser gets an id."""
         text = self.environment.get_template(template).render(
             caller=caller,
-            signed_in=self.access.asked(request) and caller is not None,
+            signed_in=self.access.needs_token(request) and caller is not None,
             waiting=0 if caller is None else self.store.queue_length(),
             path=request.url.path,
             up=to_root(request.scope),

@@ -50,8 +50,7 @@ class Lesson(BaseModel):
     by: str = ""
 
     def taught(self) -> tuple[NamedLine, float | None]:
-        """The taught line, and the height of its characters. Raises Problem: something that is not a number, no box, no
-        text."""
+        """The taught line, and the height of its characters. Raises Problem: no number, no box, or no text."""
         if not self.text:
             raise Problem(422, "type the text that stands in the box")
         try:

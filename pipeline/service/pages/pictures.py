@@ -33,8 +33,8 @@ _ABSENT = {
     FileState.MISSING: "This picture is missing from the service’s folder.",
     FileState.DAMAGED: "This picture is damaged on the service’s disk.",
 }
+# x, y, width, height in pixels
 Rectangle = tuple[float, float, float, float]
-"""x, y, width, height in pixels."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,7 @@ class PictureFrame:
 
 @dataclass(frozen=True)
 class PictureBox:
-    """A character on a picture.
-
-    Attributes:
-        place: of the part's reading that is chosen with it; None where none matches it.
-        char, doubt: of the reading that has found the box.
-    """
+    """A character on a picture, and its place of the part's reading, if one matches it."""
 
     place: int | None
     char: str
@@ -105,7 +100,6 @@ class PictureView:
 
     Attributes:
         href: empty if there is none to be shown; `note` says why, or what to know about it.
-        frame: None if unknown.
         source: of the reading whose boxes are drawn; empty if none are.
         turns: quarters counterclockwise by which it is turned.
         whole, line: views of the whole picture and of the line.
@@ -126,16 +120,11 @@ class PictureView:
 
     @property
     def wide(self) -> bool:
-        """Whether it is too wide to stand beside another."""
         return bool(self.href) and self.line[2] > _WIDE_ASPECT * self.line[3]
 
 
 def picture_pair(story: PartStory, folder: EvidenceFolder) -> tuple[PictureView, PictureView]:
-    """The photograph and the tactile edge map.
-
-    Where the reading is by touch and the camera has found another line, the photograph is whole, without the camera's
-    boxes.
-    """
+    """The photograph and the tactile edge map; the photograph without boxes if touch has read another line."""
     by_camera, by_touch = (last_reading(story.readings, sources) for sources in (("vision",), TOUCH))
     same = by_camera is None or _same_line(by_camera, story.part.reading)
     photo = _view(story, by_camera if same else None, folder, kind=EvidenceKind.PHOTO_PICTURE)

@@ -9,12 +9,12 @@ from pipeline.common.reading_records import CandidateRecord, CharacterRecord, Re
 from pipeline.common.records import PartRecord
 from pipeline.common.texts import EXTRA, align
 
+# lead of the first over the second candidate below which a place is unsure; the reader's own limit
 LOW_MARGIN = 0.3
-"""Lead of the first over the second candidate below which a place is unsure; the reader's own limit."""
+# probability of the best candidate below which a place is unsure
 LOW_PROBABILITY = 0.95
-"""Probability of the best candidate below which a place is unsure."""
+# probability of every best candidate above which its characters are not the reason for a review
 BEYOND_DOUBT = 0.99
-"""Probability of every best candidate above which its characters are not the reason for a review."""
 MOST_CANDIDATES = 5
 _LEAST_PROBABILITY = 0.002
 _FEWEST_CANDIDATES = 2
@@ -28,10 +28,8 @@ class Place:
     """One place of a reading.
 
     Attributes:
-        index: from 0.
         doubt: mismatch, not read, confused, unsure or least sure; empty if there is none.
         words: the state in the reader's words, such as "confused 8/B".
-        grade: A to F; empty where it was not graded.
         candidates: those worth showing, best first.
     """
 

@@ -22,8 +22,8 @@ from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 
 QUEUE_SHOWN = 50
+# most characters of typed texts
 MOST = {"text": 200, "who": MOST_WHO, "note": 1000}
-"""Most characters of typed texts."""
 _NAMES = {"text": "serial", "who": "name", "note": "note"}
 
 
@@ -43,7 +43,6 @@ class ReviewForm(BaseModel):
         return self.model_copy(update={"text": self.text.strip(), "who": who, "note": note})
 
     def fault(self) -> str:
-        """Reason why it cannot be stored, in words; empty if it can."""
         if self.action not in ("save", "unreadable"):
             return "Choose what to do: confirm, or unreadable."
         if not self.who:
@@ -95,7 +94,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return _page(view, part_id, done=done, remark=remark)
 
     @router.post("/review/{part_id}")
-    def say(part_id: str, form: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
+    def submit_review(part_id: str, form: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
         part, form = store.part(part_id), form.clean(view.caller.token)
         fault = form.fault()
         if not fault and form.action == "save" and form.mode is not ReviewMode.AUDIT:

@@ -1,6 +1,7 @@
 """The operator's pages, made on the server; they work without internet, and all but /docs without script.
 
-/review  /review/{id}  /audit  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /docs  /login  /static/{name}
+/review  /review/{id}  /audit  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /login  /static/{name}
+/docs   about the HTTP interface, by Swagger UI, whose files come with the program
 """
 
 from __future__ import annotations
@@ -37,10 +38,13 @@ def pages_router(frame: Frame) -> APIRouter:
         add_part_pages,
         add_job_pages,
         add_dashboard,
-        add_interface_page,
         add_login,
     ):
         add(router, frame)
+
+    @router.get("/docs")
+    def interface(request: Request) -> Response:
+        return frame.render(request, "interface.html.j2", tokens=frame.service.access.required)
 
     @router.get("/static/{name}")
     async def static(request: Request, name: str) -> Response:
@@ -124,7 +128,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/login")
     def login(request: Request, to: str = "/review") -> Response:
-        if not access.asked(request):
+        if not access.needs_token(request):
             return redirect(request, own_address(to))
         return frame.render(request, "login.html.j2", to=own_address(to), fault="")
 
@@ -152,11 +156,3 @@ def own_address(to: str) -> str:
     """An address of this service to open, otherwise that of the queue: never another host."""
     on_this_host = to.startswith("/") and not to.startswith("//") and "\\" not in to and to.isprintable()
     return to if on_this_host else "/review"
-
-
-def add_interface_page(router: APIRouter, frame: Frame) -> None:
-    """The route of the page about the HTTP interface, Swagger UI; its files come with the program."""
-
-    @router.get("/docs")
-    def interface(request: Request) -> Response:
-        return frame.render(request, "interface.html.j2", tokens=frame.service.access.required)

@@ -37,8 +37,8 @@ _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
 # bytes of a part's name as a file's, which has 255 with its suffix
 _LONGEST_NAME = 240
 _DRIVER = re.compile(r"[A-Za-z_][\w.]+:\w+")  # no drive of Windows: C:parts
+# minimum extent of a region on the plate in either direction, character heights
 _LEAST_HEIGHTS = 1.0
-"""Minimum extent of a region on the plate in either direction, character heights."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,8 @@ class ScanOrder:
     ) -> dict[str, Any]:
         """Frame of a session for the order, as `FramedSession` takes it: its field is the region, within the stage's.
 
-        Args:
-            field_mm: (x0, y0, x1, y1) that the stage can feel, in the plate's frame.
-            camera_mm: position of the camera's axis on the plate (default: the middle of the field).
-
-        Raises:
-            StageError: the region is off the field.
+        `field_mm` is (x0, y0, x1, y1) of the stage on the plate, `camera_mm` the camera's axis there (default: its
+        middle). Raises StageError: the region is off the field.
         """
         import numpy as np
 
@@ -86,8 +82,7 @@ class Stage(Protocol):
     """
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
-        """Feel the part under the whiskers; returns the recording (.h5) in the frame of the order's region. StageError:
-        it failed."""
+        """Feel the part; return the recording (.h5), in the frame of the order's region. Raises StageError."""
 
 
 def has_sessions(stage: Stage | SessionStage[ScanOrder]) -> TypeGuard[SessionStage[ScanOrder]]:
@@ -110,8 +105,7 @@ class FolderCamera:
     early_s: float = 0.0
 
     def pictures(self, part_name: str) -> dict[Path, FileStamp]:
-        """The part's photographs at one look, one named as the part before a set. Raises StageError: a name that cannot
-        be a file's."""
+        """The part's photographs now, one named as the part before a set. Raises StageError: an impossible name."""
         return {path: stamp_of(path.stat()) for path in _files_of(self.folder, part_name, PHOTO_SUFFIXES)}
 
     def missing(self, part_name: str, *, older: bool, waited_s: float) -> StageError:
@@ -135,8 +129,8 @@ class SimulatedStage:
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Mount the part's height map, its middle under the camera's axis, to be felt pass by pass within the
-        order's region. Raises StageError: no such part, a map that cannot be scanned, or a region off the part."""
+        """Mount the part's height map, its middle under the camera's axis. Raises StageError: no such part, a map
+        that cannot be scanned, or a region off the part."""
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.readers import virtual_array
@@ -238,8 +232,7 @@ def _there(folder: Path, what: str) -> Path:
 
 
 def _files_of(folder: Path, part_name: str, suffixes: Sequence[str]) -> Sequence[Path]:
-    """The part's files in the folder, those of its set last; never a file elsewhere. Raises StageError: the name cannot
-    be a file's."""
+    """The part's files in the folder, those of its set last. Raises StageError: the name cannot be a file's here."""
     if not part_name:
         raise StageError("the part has no name", "give the name of its file without the ending")
     plain = part_name.isprintable() and len(part_name.encode()) <= _LONGEST_NAME

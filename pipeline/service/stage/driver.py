@@ -64,15 +64,13 @@ class DriverThread:
 
     @property
     def trouble(self) -> str:
-        """Current fault of the driver, in words; empty without one."""
         at_work = self._at_work
         if at_work is None or (waited_s := time.monotonic() - at_work.begun_s) < at_work.timeout_s:
             return ""
         return f"the {self.what} has not answered for {waited_s:.0f} s"
 
     def call(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
-        """Run work in the driver's thread, and return its result. Raises StageDownError: the driver does not answer
-        in time, has a fault, or too many calls wait for it already."""
+        """Run work in the driver's thread. Raises StageDownError: no answer in time, a fault, or a full queue."""
         call = self._submit(work, timeout_s)
         futures.wait([call.future], call.timeout_s)
         outcome: T = self._outcome(call.future, call)
@@ -143,13 +141,12 @@ class _Call:
 
 
 class LinkedStage:
-    """The stage in a worker, with the one session that it opens; the driver reports its `fitting` then."""
+    """The stage in a worker, with one session; `key` shows the service that its own worker connects."""
 
     fitting: Fitting
     _connection: Connection
 
     def __init__(self, address: Any, key: bytes) -> None:
-        """`key` shows the service that its own worker connects."""
         self.address, self._key = address, key
 
     def open(self, order: ScanOrder) -> StageSession:

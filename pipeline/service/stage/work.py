@@ -38,12 +38,12 @@ if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage
 
 _HINT = "put the part back and release it"
+# durations of a whole plan that are added to the time limit of a stage
 _PLANS = 2.0
-"""Durations of a whole plan that are added to the time limit of a stage."""
+# seconds between looks for a picture in the camera's folder
 _LOOK_S = 0.1
-"""Seconds between looks for a picture in the camera's folder."""
+# seconds for which a picture, or a set of them, must stand unchanged: a set may get another light
 _STILL_S, _SET_STILL_S = 0.3, 2.0
-"""Seconds for which a picture, or a set of them, must stand unchanged: a set may get another light."""
 
 
 async def _stays() -> bool:
@@ -52,12 +52,7 @@ async def _stays() -> bool:
 
 @dataclass(frozen=True)
 class TouchCall:
-    """A call during which a part is known to lie under the whiskers.
-
-    Attributes:
-        until_s: end of the call, by the monotonic clock.
-        has_gone: whether the caller has gone; asked before the part is felt.
-    """
+    """A call, until a monotonic time, during which a part lies under the whiskers unless its caller has gone."""
 
     until_s: float = math.inf
     has_gone: Callable[[], Awaitable[bool]] = _stays
@@ -67,10 +62,9 @@ NO_LIMIT = TouchCall()
 
 
 class StageWork:
-    """The stage at work: it feels `by_pass`, or scans the whole plan; its `thread` knows the driver's faults."""
+    """The stage at work, `by_pass` or the whole plan; `timeout_s` is for one call, beside the plan's own time."""
 
     def __init__(self, stage: Stage | SessionStage[ScanOrder] | None, *, timeout_s: float = 60.0) -> None:
-        """`timeout_s`: for one call of a real stage; a whole plan may take its own time beside."""
         self._stage, self.there = stage, stage is not None
         self.by_pass = stage is not None and has_sessions(stage)
         self.knows_place = callable(getattr(stage, "is_in_place", None))
@@ -79,8 +73,8 @@ class StageWork:
 
     @contextlib.asynccontextmanager
     async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker while a part lies under the whiskers, during a call. Raises StageDownError: it
-        does not answer. StageError: the part may no longer lie there, at the beginning or at the end."""
+        """Lend the stage to a worker during a call. Raises StageDownError: it does not answer. StageError: the part
+        may no longer lie under the whiskers, at the beginning or at the end."""
         if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
@@ -103,12 +97,7 @@ class StageWork:
                 await link.close()
 
     async def scan(self, order: ScanOrder, folder: Path, call: TouchCall) -> Path:
-        """Record the whole plan into a folder; `call` as in `for_worker`.
-
-        Raises:
-            StageDownError: the stage does not answer, or its driver has a fault.
-            StageError: it cannot be recorded, or the part may no longer lie under the whiskers.
-        """
+        """Record the whole plan into a folder. Raises StageDownError, StageError: as in `for_worker`, or it fails."""
         stage = self._stage
         if stage is None or has_sessions(stage):
             raise StageError("this service drives no stage that scans", "send a scan of the part instead")
@@ -154,27 +143,21 @@ class CameraPictures:
 
 
 class CameraWork:
-    """The camera at work; `thread`: the thread of its driver."""
+    """The camera at work, if there is one; `timeout_s` is for the photographs of a part."""
 
     def __init__(self, camera: Camera | FolderCamera | None, *, timeout_s: float = 30.0) -> None:
-        """`camera` None: photographs are sent to the service. `timeout_s`: for the photographs of a part."""
         self._camera, self._timeout_s = camera, timeout_s
         self.thread = DriverThread("camera", timeout_s=timeout_s)
         # keys of the latest pictures taken, of which the store may not know yet
-        self._taken: deque[str] = deque(maxlen=1000)
+        self._taken_keys: deque[str] = deque(maxlen=1000)
 
     async def take(
         self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
     ) -> CameraPictures:
         """Photograph the part of that name, and copy the photographs into the folder.
 
-        Args:
-            known: those of some pictures' keys that already belong to a part.
-
-        Raises:
-            StageDownError: the camera does not answer, or its driver has a fault.
-            StageError: there is no photograph.
-            OSError: one cannot be read.
+        `known` finds those of some pictures' keys that already belong to a part. Raises StageDownError: the camera
+        does not answer. StageError: there is no photograph. OSError: one cannot be read.
         """
         camera = self._camera
         if camera is None:
@@ -206,7 +189,7 @@ class CameraWork:
             pictures = await self.thread.call_async(look)
             new = {path: stamp for path, stamp in pictures.items() if old.get(path) != stamp}
             keys = {picture_key(str(path), stamp): path for path, stamp in new.items()}
-            used = {*(await asyncio.to_thread(known, keys) if keys else ()), *self._taken}
+            used = {*(await asyncio.to_thread(known, keys) if keys else ()), *self._taken_keys}
             new = {path: new[path] for key, path in keys.items() if key not in used}
             if new and not set_of(next(iter(new)).name):
                 new = dict([next(iter(new.items()))])
@@ -217,12 +200,12 @@ class CameraWork:
             still = now_s - since_s >= (_SET_STILL_S if any(set_of(path.name) for path in new) else _STILL_S)
             if new and (late or still):
                 new_keys = tuple(picture_key(str(path), stamp) for path, stamp in new.items())
-                self._taken.extend(new_keys)
+                self._taken_keys.extend(new_keys)
                 photos = await self.thread.call_async(partial(_copies_if_whole, new, folder, as_is=late))
                 if photos is not None:
                     return CameraPictures(photos, new_keys)
                 for key in new_keys:
-                    self._taken.remove(key)
+                    self._taken_keys.remove(key)
             elif late:
                 raise camera.missing(name, older=bool(pictures), waited_s=self._timeout_s)
             await asyncio.sleep(max(_LOOK_S, now_s - look_s))

@@ -55,29 +55,27 @@ class Caller:
 
 
 class Access:
-    """Identifies the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
+    """Identify the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
 
-    The cookie names a session that the store keeps (`pipeline.store.access`). `token_of` is asked once a request, at
-    the door; the routes ask `caller`, which remembers.
+    The cookie names a session that the store keeps. `token_of` is asked once a request, at the door; the routes ask
+    `caller`, which remembers.
     """
 
     def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
         """`own_user`: whether callers of other users of this machine need a token, as the door has found them."""
         self._store, self.required, self.own_user = store, required, own_user
 
-    def asked(self, request: HTTPConnection) -> bool:
-        """Whether this caller needs a token."""
+    def needs_token(self, request: HTTPConnection) -> bool:
         return self.required or bool(getattr(request.state, "other_user", False))
 
     def caller(self, request: HTTPConnection, *scopes: Scope) -> Caller:
-        """The caller, if the request is allowed with one of the scopes. Raises DeniedError: no token, or none that
-        holds with a scope."""
+        """The caller, if one of the scopes allows the request. Raises DeniedError: no token, or no such scope."""
         record: TokenRecord | None = getattr(request.state, "token", None)
         if record is None:
             try:
                 record = self.token_of(request)
             except DeniedError:
-                if self.asked(request):
+                if self.needs_token(request):
                     raise
                 return Caller(frozenset(Scope))  # none is needed; perhaps it has an old cookie
         if record.scopes.isdisjoint(scopes):
@@ -114,8 +112,7 @@ def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:
 
 
 def user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
-    """User id of the program at the client's end; -1 where no open socket of this machine is there, None where that
-    cannot be seen."""
+    """User id of the program at the client's end; -1 if no open socket here is it, None where that cannot be seen."""
     if sys.platform != "linux":
         return None
     try:

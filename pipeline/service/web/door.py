@@ -39,14 +39,14 @@ if TYPE_CHECKING:
     from pipeline.service.web.access import Access
 
 REQUEST_ID = "x-request-id"
+# longest pause within an upload, s
 BODY_PATIENCE_S = 30.0
-"""Longest pause within an upload, s."""
+# longest time that a whole upload may take, s, even if data keeps arriving
 BODY_MOST_S = 600.0
-"""Longest time that a whole upload may take, s, even if data keeps arriving."""
+# maximum size of a request without files, bytes
 SMALL_BODY = 64_000
-"""Maximum size of a request without files, bytes."""
+# status in the log for a caller who left during an upload, as proxies log it
 GONE = 499
-"""Status in the log for a caller who left during an upload, as proxies log it."""
 _SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _METHODS = frozenset({*_SAFE_METHODS, "POST", "PUT", "PATCH", "DELETE"})
@@ -76,8 +76,7 @@ class Door:
         metrics: Metrics,
         busy: Callable[[], float | None],
     ) -> None:
-        """`upload_bytes`: largest request with files. `busy`: seconds after which to send a part again; None while
-        there is room."""
+        """`upload_bytes`: largest request with files. `busy`: seconds until there is room for a part, if none is."""
         self._upload_bytes = upload_bytes
         self._app, self._settings, self._access, self._metrics = app, settings, access, metrics
         self._busy = busy
@@ -85,7 +84,6 @@ class Door:
         self._log = SparingLog("web interface")
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request."""
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
         sent_id = Headers(scope=scope).get(REQUEST_ID, "")
@@ -139,7 +137,7 @@ class Door:
         connection = HTTPConnection(scope)
         # pages that are only looked at redirect to the sign-in themselves
         changes = scope["method"] not in _SAFE_METHODS and path != "/login"
-        needs_token = self._access.asked(connection) and (changes or path.startswith("/v1/"))
+        needs_token = self._access.needs_token(connection) and (changes or path.startswith("/v1/"))
         if needs_token or (path == "/metrics" and any(name in headers for name in _FORWARDED)):
             state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
         length = headers.get("content-length", "0")
@@ -162,11 +160,8 @@ class Door:
             raise Problem(400, f"{what}; call it by its address, or name it in the setting hosts")
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
-        """Refuse requests from pages of other sites (cross-site request forgery), by the headers of browsers.
-
-        Browsers send Sec-Fetch-Site over TLS and to this machine, and Origin with every request that may change
-        something.
-        """
+        """Refuse cross-site requests: browsers send Sec-Fetch-Site over TLS and to this machine, and Origin with every
+        request that may change something."""
         site, origin = headers.get("sec-fetch-site"), headers.get("origin")
         if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):
             return

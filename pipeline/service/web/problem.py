@@ -58,6 +58,7 @@ class ProblemBody:
 
 
 _CONTENT = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
+# answers to failed requests, as the description of the interface has them
 PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {"description": what, "content": _CONTENT}
     for status, what in (
@@ -70,7 +71,6 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
         ),
     )
 }
-"""Answers to failed requests, as the description of the interface has them."""
 
 
 def without_folders(text: str) -> str:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from starlette.datastructures import FormData, UploadFile
 
 MOST_NAME = 200
+# maximum number of photographs of one part
 MOST_PHOTOS = 12
-"""Maximum number of photographs of one part."""
 _CHUNK = 1 << 20
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
 _PLAIN_NAME = re.compile(rb";\s*filename\s*=", re.IGNORECASE)
@@ -64,8 +64,7 @@ def sent_name(name: str | None) -> str:
 
 
 async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1) -> Upload:
-    """Write an upload into the folder; photographs have numbers. Raises Problem: 415 for another kind of file, 422 for
-    an empty one."""
+    """Write an upload into the folder. Raises Problem: 415, another kind of file; 422, an empty one."""
     import anyio.to_thread
 
     name = sent_name(sent.filename)
@@ -88,8 +87,7 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
 
 
 def suffix_of(role: str, name: str, head: bytes) -> str:
-    """The suffix for a file: by its first `HEAD_BYTES` for a photograph, by its name for a scan. Raises Problem: 415,
-    another kind."""
+    """Suffix of a photograph by its first `HEAD_BYTES`, of a scan by its name. Raises Problem: 415, another kind."""
     if role == "photo":
         kind = kind_of(head)
         if kind is None:
@@ -128,12 +126,10 @@ class _Parser(MultiPartParser):
 class FormRoute(APIRoute):
     """A route for forms: fields that are unknown, come twice or have text for a file are refused.
 
-    Files with only `filename*` (RFC 5987), as older HTTP libraries send them, are uploads; the form parser takes them
-    for text.
+    Files with only `filename*` (RFC 5987), as older HTTP libraries send them, are uploads, not text.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """FastAPI's handler, given a checked form."""
         handle = super().get_route_handler()
         fields = [field for field in self.dependant.body_params if isinstance(field.field_info, params.Form)]
         known = [field.alias for field in fields]

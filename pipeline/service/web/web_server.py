@@ -32,6 +32,7 @@ from pipeline.service.connections import (
     SparingLog,
     address_block,
     longest_idle_of_busiest,
+    peer_address,
 )
 from pipeline.service.web.access import is_in
 from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
@@ -42,10 +43,9 @@ LINGER_S = 5.0
 
 
 class DrainingServer(uvicorn.Server):
-    """A web server that announces for a while that it is stopping; a second signal stops it at once."""
+    """A web server that calls `drain` when told to stop, and answers for `drain_s` more; a second signal ends it."""
 
     def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
-        """`drain` is called when the server is told to stop; it still answers for `drain_s`."""
         super().__init__(config)
         self._drain, self._drain_s = drain, drain_s
         self._stop_at_s: float | None = None
@@ -74,10 +74,10 @@ class DrainingServer(uvicorn.Server):
 
 
 class Room:
-    """Open connections, limited in all and from one address; the longest idle one of the busiest address goes."""
+    """Open connections, limited in all and, but for `proxies`, from one address; the longest idle of the busiest
+    goes."""
 
     def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
-        """`an_address`: connections of one address; `proxies`, addresses and networks, may have any number."""
         self._an_address, self._most, self._proxies = an_address, most, proxies
         self._open: set[_OpenConnection] = set()
         self._log = SparingLog("web interface")
@@ -100,7 +100,6 @@ class Room:
         return True
 
     def leave(self, connection: _OpenConnection) -> None:
-        """Count a connection no longer."""
         self._open.discard(connection)
 
     def _is_proxy(self, connection: _OpenConnection) -> bool:
@@ -138,7 +137,7 @@ def patient_protocol(
         def data_received(self, data: bytes) -> None:
             if self.transport.is_closing():
                 return
-            self.heard_s = self.loop.time()
+            self.heard_s = time.monotonic()
             if self._head_timer is None and (self.cycle is None or self.cycle.response_complete):
                 self._wait_for_head()
             before = self.cycle
@@ -191,11 +190,8 @@ def patient_protocol(
 
 
 def _identify(connection: _OpenConnection, transport: Any) -> None:
-    connection.address = str((transport.get_extra_info("peername") or ("",))[0])
-    connection.block, connection.heard_s = (
-        address_block(connection.address),
-        asyncio.get_running_loop().time(),
-    )
+    connection.address = peer_address(transport)
+    connection.block, connection.heard_s = address_block(connection.address), time.monotonic()
 
 
 class _Handshake(asyncio.Protocol):

@@ -170,7 +170,7 @@ def test_a_job_has_a_certificate_of_its_own(tmp_path: Path) -> None:
     (tmp_path / "jobs").mkdir()
     certificates.written(tmp_path / "jobs" / "left.json", settings)
     put(tmp_path / "jobs", "left", 'format = "A9"\ncertificate = "left.json"\n')
-    jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
+    jobs = JobFolder(tmp_path / "jobs", default=ReadSettings())
     watch = jobs.watch("left")
     assert watch is not None
     assert (jobs.watch(""), jobs.drift) == (None, "")
@@ -192,7 +192,7 @@ def test_a_check_that_fails_or_cannot_be_made_touches_its_own_job_alone(tmp_path
 
     for name in ("left", "right"):
         put(folder, name, 'format = "A9"\nfont = "gothic"\n')
-    jobs = JobFolder(folder, own=ReadSettings(), needed="right", call=call)
+    jobs = JobFolder(folder, default=ReadSettings(), needed="right", call=call)
     for error, told in ((Problem(503, "no worker"), ""), (KeyError("odd"), "report this")):
         fault[:] = [error]
         put(folder, "left", 'format = "A99"\nfont = "gothic"\n')
@@ -209,7 +209,7 @@ def test_a_check_that_fails_or_cannot_be_made_touches_its_own_job_alone(tmp_path
 
 def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
     own = ReadSettings(format=("99+exclude=8",), font=("gothic",), accept_risk=0.02, region=BOX)
-    jobs = JobFolder(tmp_path / "jobs", own=own)
+    jobs = JobFolder(tmp_path / "jobs", default=own)
     teach(jobs, "left", NamedLine("", "AA99", BOX), "KX40", height_mm=4.0)
     teach(jobs, "left", NamedLine("lot", "A-9", (0.0, 0.5, 1.0, 1.0)), "B-7")
     wanted = ReadSettings(
@@ -284,7 +284,7 @@ def test_the_page_teaches_those_who_may_review(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_taught(name: str, line: NamedLine, text: str, says: str, tmp_path: Path) -> None:
-    jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
+    jobs = JobFolder(tmp_path / "jobs", default=ReadSettings())
     with pytest.raises(Problem, match=says):
         teach(jobs, name, line, text)
     assert jobs.listed() == []

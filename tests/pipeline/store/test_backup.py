@@ -81,7 +81,7 @@ def _contents(folder: Path) -> dict[Path, bytes]:
 
 
 def _files(folder: EvidenceFolder) -> dict[str, bytes]:
-    return {name: folder.path(name).read_bytes() for names in folder.kept() for name in names}
+    return {name: folder.path(name).read_bytes() for names in folder.hashes() for name in names}
 
 
 @pytest.fixture

@@ -417,8 +417,8 @@ def test_what_has_left_is_forgotten_and_what_comes_back_is_not_read_again(
     for k in range(7):
         os.rename(bench.folder / f"{k}.png", aside / f"{k}.png")
     bench.look(1)
-    assert sum(key.endswith("/7.png") for key in bench.watched._known) == 1
-    assert len(bench.watched._known) == 2
+    assert sum(key.endswith("/7.png") for key in bench.watched._known_keys) == 1
+    assert len(bench.watched._known_keys) == 2
     for k in range(7):
         os.rename(aside / f"{k}.png", bench.folder / f"{k}.png")
     assert len(bench.look(3)) == 8

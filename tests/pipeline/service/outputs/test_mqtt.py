@@ -47,9 +47,19 @@ def make_broker(tmp_path: Path) -> Iterator[Callable[..., Broker]]:
 
 
 @pytest.fixture
-def listen() -> Iterator[Callable[..., Listener]]:
+def broker(make_broker: Callable[..., Broker]) -> Broker:
+    return make_broker()
+
+
+@pytest.fixture
+def listen(broker: Broker) -> Iterator[Callable[[], Listener]]:
     with contextlib.ExitStack() as stack:
-        yield lambda port: stack.enter_context(contextlib.closing(Listener(port)))
+        yield lambda: stack.enter_context(contextlib.closing(Listener(broker.port)))
+
+
+@pytest.fixture
+def listener(listen: Callable[[], Listener]) -> Listener:
+    return listen()
 
 
 def sender_to(url: str, timeout_s: float = 10.0, **settings: str) -> MqttSender:
@@ -78,10 +88,8 @@ async def looked_after(sender: MqttSender) -> AsyncIterator[None]:
 
 
 async def test_a_result_is_published_and_the_status_follows(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    broker: Broker, listener: Listener, listen: Callable[[], Listener]
 ) -> None:
-    broker = make_broker()
-    listener = listen(broker.port)
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}/plant/line-4")
     await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
     await sender.close()
@@ -95,16 +103,14 @@ async def test_a_result_is_published_and_the_status_follows(
     assert "Received PUBLISH" in line
     assert "q1, r0" in line
     # who comes later finds the status, and no results of yesterday
-    late = listen(broker.port)
+    late = listen()
     wait_until(lambda: len(late.messages) == 1)
     assert late.messages == [("plant/line-4/status", b"offline", True)]
 
 
 async def test_a_short_payload_has_few_fields_and_a_candidate_while_a_person_is_awaited(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    broker: Broker, listener: Listener
 ) -> None:
-    broker = make_broker()
-    listener = listen(broker.port)
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}/plant", payload="short")
     accepted = to_json(part())
     in_review = to_json(part(state=PartState.REVIEW, reading=reading("KX40", decision="review")))
@@ -136,10 +142,8 @@ class Line:
 
 
 async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    broker: Broker, listener: Listener
 ) -> None:
-    broker = make_broker()
-    listener = listen(broker.port)
     settings = MqttSettings.model_construct(url=f"mqtt://127.0.0.1:{broker.port}/plant", triggers=True)
     caller = paho.Client(paho.CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
     caller.connect("127.0.0.1", broker.port)
@@ -179,26 +183,21 @@ async def test_triggers_and_releases_come_by_mqtt_and_are_answered(
 
 
 async def test_another_sender_that_ends_leaves_the_status_online(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    broker: Broker, listener: Listener, listen: Callable[[], Listener]
 ) -> None:
-    broker = make_broker()
-    listener, url = listen(broker.port), f"mqtt://127.0.0.1:{broker.port}"
+    url = f"mqtt://127.0.0.1:{broker.port}"
     stays, goes = sender_to(url), sender_to(url)
     async with looked_after(stays):
         await until(lambda: listener.statuses()[-1:] == ["online"])
         await goes.send(one_delivery())
         await goes.close()
-        late = listen(broker.port)  # finds what is retained
+        late = listen()  # finds what is retained
         await until(lambda: late.statuses()[-1:] == ["online"])
         assert late.statuses()[-1] == "online"
     await stays.close()
 
 
-async def test_the_last_will_tells_of_a_service_that_died(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
-) -> None:
-    broker = make_broker()
-    listener = listen(broker.port)
+async def test_the_last_will_tells_of_a_service_that_died(broker: Broker, listener: Listener) -> None:
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
     await sender.send(one_delivery())
     assert sender._connection is not None
@@ -212,10 +211,8 @@ async def test_the_last_will_tells_of_a_service_that_died(
 
 
 async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
-    outbox: Outbox, make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    outbox: Outbox, broker: Broker, listener: Listener
 ) -> None:
-    broker = make_broker()
-    listener = listen(broker.port)
     parts, each = 5, 40
 
     class WhileSeen:
@@ -272,10 +269,8 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
 
 
 async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
-    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+    broker: Broker, listener: Listener
 ) -> None:
-    broker = make_broker()
-    listener = listen(broker.port)
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", timeout_s=0.5)
     await sender.send(one_delivery(number=1))
     broker.kill(signal.SIGSTOP)
