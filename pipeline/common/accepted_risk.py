@@ -91,7 +91,6 @@ def threshold_tests(
 
     Args:
         scores: score of each reading that is accepted if it reaches the threshold.
-        right: whether each is right.
         risk: largest share of wrong readings among the accepted.
         thresholds: strictest first; chosen before any part is read.
         groups: groups of each reading, such as its generator; none if there are no groups.

@@ -381,5 +381,5 @@ class ReadSettings(MapSettings, PartSettings):
 
     @property
     def touch_budget_s(self) -> float | None:
-        """Most stage seconds of active touch; None for the whole plan."""
+        """None for the whole plan."""
         return self.budget_s if self.active else None

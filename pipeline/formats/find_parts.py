@@ -61,7 +61,7 @@ class PassedOver:
     folders: dict[str, str] = field(default_factory=dict)
 
     def without(self, used: Iterable[str | Path]) -> PassedOver:
-        """The same files without those that are used otherwise, such as the table of an order."""
+        """The same files without those that are used otherwise."""
         known = {os.path.realpath(file) for file in used}
         files = [file for file in self.files if is_url(file) or os.path.realpath(file) not in known]
         return replace(self, files=files)
@@ -73,7 +73,6 @@ class PassedOver:
         return counts + Counter(folder=len(self.folders))
 
     def describe(self) -> str:
-        """One line of text; empty if nothing was passed over."""
         texts = []
         if self.files:
             kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix != "folder"}
@@ -101,7 +100,6 @@ class Listing(list[PartFiles]):
         self.passed_over = passed_over
 
     def report_passed_over(self, used: Iterable[str | Path] = ()) -> None:
-        """Print what was passed over, except files that are used otherwise."""
         if line := self.passed_over.without(used).describe():
             print(line)
 
@@ -174,7 +172,6 @@ class FoundFiles:
         self._beside: dict[str, dict[str, list[str]]] = {}
 
     def add_local(self, name: str, *, beside: bool = False) -> None:
-        """Add the files that a local file, folder or glob names; a FileError if a folder cannot be listed."""
         path = Path(name).as_posix()
         if os.path.isdir(path):
             self._add_folder(path, root=path)
@@ -206,7 +203,6 @@ class FoundFiles:
         """Add the files of folders or of a glob, or one file named on its own with the photographs beside it.
 
         Args:
-            files: paths or URLs; hidden ones are skipped.
             named: the first file is named on its own: it is a part whatever its kind.
             root: folder that the user named; parts below it have their subfolder in their names.
         """
@@ -232,7 +228,6 @@ class FoundFiles:
             self._parts[key] = part
 
     def parts(self) -> list[PartFiles]:
-        """The parts in the order in which their first files were found, each once."""
         parts: dict[tuple[str, ...], PartFiles] = {}
         for key, part in self._parts.items():
             if not (self._photos or part.felt or part.problem or key in self._named):
@@ -259,7 +254,6 @@ class FoundFiles:
 
 
 def _entries(folder: str) -> tuple[list[str], list[str]]:
-    """Files and folders in a folder, each sorted by name, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
             paths = sorted((Path(e.path).as_posix(), _is_file(e)) for e in entries)

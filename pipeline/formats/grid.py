@@ -116,7 +116,6 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
 def _refusal(
     raw: RawMap, shape: _Shape, absurd: str, factors: tuple[float, float], likeliest: tuple[str, str] | None
 ) -> DataError | None:
-    """The cause of absurd measures, and its remedy; None for a map that is flat, noisy or askew."""
     states = f" (the file states {raw.unit})" if raw.unit else ""
     if shape.is_small(factors[1]) and (raw.unit or likeliest is None):
         states = states if raw.xy_mm == MM.get(raw.unit) else ""
@@ -147,7 +146,6 @@ class _Shape:
     """Measures of a map in the file's numbers.
 
     Attributes:
-        pitch: smaller distance of samples.
         relief: range of heights, without the outer 0.2 % at each end.
         depth: range of heights without tilt and dome, and without the outer 1 % at each end.
         rise: mean steepness over a fiftieth of the shorter side, per sample.

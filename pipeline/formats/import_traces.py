@@ -162,7 +162,6 @@ def _pass(
 
 
 def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], position_mm: Floats) -> None:
-    """Refuse a position that jumps against the travel or across it, as that of a counter that wraps or is reset."""
     steps = np.diff(position_mm[rows], axis=0)
     size = np.abs(steps).max(axis=1)
     usual = float(np.median(size[size > 0.0])) if size.any() else 0.0

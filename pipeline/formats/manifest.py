@@ -139,7 +139,6 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
 
 
 def _place(source: str, where: str, name: str) -> str:
-    """A file relative to the table; paths from Windows work on any system."""
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
         if drive := _DRIVE.match(name):
             what = f"{where} names {name}, and this system has no drive {drive[0]}"

@@ -172,7 +172,6 @@ class PartFiles:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files that are named: height map, scan, photographs."""
         return tuple(file for file in (self.height_map, self.scan, *self.photos) if file)
 
     @property

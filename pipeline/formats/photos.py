@@ -202,7 +202,6 @@ def _pitch_mm(image: ImageFile) -> float | None:
 
 
 def _page(path: Path, image: ImageFile) -> tuple[int, int]:
-    """The first page of a TIFF that is not blank, and the number of pages, without smaller copies of a page."""
     whole = []
     for number in range(_MOST_PAGES):
         try:
@@ -278,7 +277,7 @@ def _decoded_by_opencv(path: Path, page: int) -> Decoded:
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
-    """Decode a page of a picture, (rows, cols) or (rows, cols, channels); None if it is damaged."""
+    """Decode a page, (rows, cols) or (rows, cols, channels); None if it is damaged."""
     from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()

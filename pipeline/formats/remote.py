@@ -219,7 +219,6 @@ def _limits(scheme: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _as_file_errors(url: str) -> Iterator[None]:
-    """Turn any error of a file system into a FileError; none may end a run."""
     try:
         yield
     except MarksError:

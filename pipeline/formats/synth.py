@@ -50,9 +50,8 @@ _STAMP_SETTINGS = (
 class SynthSpec(Stamping):
     """Settings of the parts to stamp, and the dirt on them. With two lines, the truth is the line in the format.
 
-    Raises:
-        SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
-        StampError: unknown practice, die, plate or layout.
+    Raises SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
+    StampError: unknown practice, die, plate or layout.
     """
 
     soiling: Soiling = field(default_factory=Soiling)

@@ -48,7 +48,6 @@ class TraceTable:
     Attributes:
         columns: (rows,) float64 by name or number; NaN where a value is missing.
         first_line: line of the first row; 0 where the file has no lines.
-        rate_hz: rate given in the file, or 0.
         stamped: columns of time stamps, converted to seconds.
     """
 
@@ -64,11 +63,9 @@ class TraceTable:
         return next(iter(self.columns.values())).size
 
     def column(self, name: Column | None) -> NDArray[np.float64]:
-        """A column; zeros for one that was not requested."""
         return np.zeros(self.n_rows) if name is None else self.columns[name]
 
     def at(self, row: int) -> str:
-        """The place of a row, for a message."""
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
@@ -136,7 +133,6 @@ def second_of_day(written: str) -> float | None:
 
 
 def _is_units(line: TableLine, places: Sequence[int]) -> bool:
-    """Whether a line below the header names units: it has text, but no digit, in the wanted columns."""
     written = "".join(line.cell(place) for place in places)
     return bool(written) and not any(char.isdigit() for char in written)
 
@@ -168,7 +164,6 @@ def _number(line: TableLine, place: int, name: Column, names: Columns, decimal: 
 
 
 def _check_work(path: Path) -> None:
-    """Count segments and described objects of a TDMS file before the library reads them."""
     place = segments = objects = described = held = inherited = 0
     with path.open("rb") as file:
         while len(lead_in := file.read(28)) == 28 and lead_in.startswith(b"TDSm"):

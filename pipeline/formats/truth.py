@@ -50,10 +50,8 @@ class Accuracy:
 
     Attributes:
         edits: characters wrong, missing or too many, of all `characters` of the truth.
-        without_truth: number of parts that were read but have no truth.
         seen: names of the parts with a truth, as the table has them.
         wrong: parts with any error, as PART (TRUTH read as TEXT).
-        accepted_wrong: names of the accepted parts among these.
     """
 
     truth: PartTexts
@@ -86,7 +84,6 @@ class Accuracy:
         self.edits += distance
 
     def outside(self, grammar: Grammar, parts: Collection[str]) -> list[str]:
-        """The truths of these parts that do not fit the format, with the reason."""
         texts = {part: self.truth.text_of(part) or "" for part in parts}
         broken = {part: grammar.objections(text) for part, text in texts.items() if text}
         return [
@@ -256,7 +253,6 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
 def _dashed_range(
     line: TableLine, cell: str, grammar: Grammar | None
 ) -> tuple[NumberedSerial, NumberedSerial] | None:
-    """The ends of a range that is written with a dash; None for a serial. An ambiguous cell is refused."""
     for dash in _DASH.finditer(cell):
         first, last = cell[: dash.start()], cell[dash.end() :]
         low, high = split_serial(first), split_serial(last)

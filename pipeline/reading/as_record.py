@@ -38,7 +38,7 @@ MOST_RIVALS = 3
 def reading_record(
     reading: Reading, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
 ) -> ReadingRecord:
-    """Make the record of a reading with the verdict, if any; settings, grammar and seconds are those of the reading."""
+    """Make the record of a reading; settings, grammar and seconds are those of the reading."""
     from recognition.decide.decision import bench_faults
     from recognition.decide.reasons import reasons_of
 

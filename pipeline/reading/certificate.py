@@ -43,11 +43,8 @@ class Certificate:
         made_at: UTC.
         risk: largest permitted share of wrong readings among the accepted.
         confidence: confidence level of that statement.
-        threshold: least confidence for acceptance.
-        sources: of the readings: "tactile", "vision", "fused".
         parts: number of parts with a known truth, of which `accepted` were accepted and `wrong` of these wrong.
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
-        kind: measures of the parts.
         data_sha256: hash of the parts' files and true texts.
         settings: read settings that differ from the defaults; files are given by their hash.
         versions: of program and libraries, and hashes of the networks.
@@ -96,7 +93,6 @@ class Certificate:
 
     @property
     def acceptance(self) -> CertifiedAcceptance:
-        """Threshold and sources that the certificate covers."""
         return CertifiedAcceptance(self.threshold, self.sources)
 
     def thresholds(self) -> dict[str, Any]:
@@ -140,9 +136,8 @@ def load_certificate(path: Path) -> Certificate:
 def certificate_of(settings: ReadSettings) -> Certificate | None:
     """Load the certificate that the settings name, and check it against program and settings; None without one.
 
-    Raises:
-        FileError: the file is not a certificate.
-        SettingsError: it was made with another program, other networks or other settings.
+    Raises FileError: the file is not a certificate. SettingsError: it was made with another program, other networks or
+    other settings.
     """
     if settings.certificate is None:
         return None
@@ -168,12 +163,9 @@ def valid_certificate(path: Path) -> Certificate:
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """Certified acceptance of a reader, of no sources if the settings are not the certified ones; None without a
-    certificate.
+    """Certified acceptance of a reader, of no sources if the settings are not the certified ones; None without a certificate.
 
-    Raises:
-        FileError: the file is not a certificate.
-        SettingsError: it was made with another program or other networks.
+    Raises FileError: the file is not a certificate. SettingsError: it was made with another program or other networks.
     """
     if settings.certificate is None:
         return None

@@ -49,14 +49,11 @@ class EnrolReport:
 
     Attributes:
         enrolled: (part, characters taken) of each new part.
-        known: parts that were enrolled before.
         set_aside: exemplars kept but not used, since they disagree with the character or with others of it.
-        exemplars: number of exemplars that the font uses.
         felt: characters learned from touch.
         never_felt: letters and digits taken from the nearest known font.
         trusted: whether that font is near enough for these not to count as guesses.
-        like: the nearest known font.
-        likeness: mean correlation with the fitted shapes of that font.
+        likeness: mean correlation with the fitted shapes of that font, `like`.
         agreement: share of exemplars that agree with others of their character.
     """
 

@@ -18,12 +18,7 @@ from pipeline.reading.part_job import PartJob, reading_of
 
 @dataclass(frozen=True)
 class HeldOutCheck:
-    """Errors on parts that were read with shapes learned from other parts.
-
-    Attributes:
-        edits: wrong, missing and added characters, read with the learned font.
-        edits_without: the same, read without it.
-    """
+    """Errors on parts that were read with shapes learned from other parts, and without them."""
 
     parts: int
     characters: int
@@ -35,7 +30,6 @@ class HeldOutCheck:
         return self.edits > self.edits_without
 
     def describe(self) -> str:
-        """The result in one line, and a warning if the font does not help."""
         line = (
             f"held out: {self.parts} parts read with shapes learned from the others: "
             f"{self.edits} of {self.characters} characters wrong, {self.edits_without} without the font"

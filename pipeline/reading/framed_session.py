@@ -10,7 +10,11 @@ from whisker_array.whisker.passes import Pass
 
 
 class FramedSession:
-    """A `StageSession` with its own frame for orders and samples; the field of its `fitting` is in that frame."""
+    """A `StageSession` with its own frame for orders and samples.
+
+    (x_mm, y_mm) is a place in the stage's frame minus the same in this one; (x0, y0, x1, y1) `field_mm` may be scanned,
+    in this frame.
+    """
 
     def __init__(
         self,
@@ -20,13 +24,6 @@ class FramedSession:
         y_mm: float,
         field_mm: tuple[float, float, float, float],
     ) -> None:
-        """Wrap a session.
-
-        Args:
-            x_mm: x in the stage's frame minus x in this one.
-            y_mm: likewise for y.
-            field_mm: (x0, y0, x1, y1) that may be scanned, in this frame.
-        """
         self._session, self._x_mm, self._y_mm = session, x_mm, y_mm
         self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
 

@@ -104,7 +104,6 @@ def _encode(
     pitch_mm: float,
     least: int = 0,
 ) -> Picture:
-    """Encode a picture, scaled to at least `least` pixels in width and at most `MOST_PIXELS_A_SIDE` on either side."""
     from glyphs.opencv import cv2
 
     shape = pixels.shape[:2]

@@ -79,11 +79,7 @@ REMOUNTED = Perturbation("remounted", shift=1.0, noise=True, light=0.06, scale=0
 
 @dataclass(frozen=True)
 class Retake:
-    """A simulated second measurement of a part, drawn from a seed.
-
-    Attributes:
-        array: seed of the sensors' gains and offsets, if one array measures several times (default: `seed`).
-    """
+    """A simulated second measurement; `array` is the seed of gains and offsets if one array measures several times."""
 
     how: Perturbation
     seed: int
@@ -157,7 +153,7 @@ class Retake:
         return replace(sweep, plan=placed, moment_n_mm=moment)
 
     def _either_way(self, number: int) -> float:
-        """Share of a change, -1 to 1: random, or the whole change in one direction."""
+        """From -1 to 1: random, or the whole change in one direction."""
         if self.how.drawn:
             return float(np.random.default_rng((self.seed, number)).uniform(-1.0, 1.0))
         return 1.0 if self.seed % 2 else -1.0

@@ -31,12 +31,8 @@ MOST_KEPT = 8
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
     """The reader for these settings and the present content of the files that they name.
 
-    Args:
-        after_photo: whether scans cover only the line that the camera saw, so that regions do not apply.
-
-    Raises:
-        FileError: the lexicon cannot be used.
-        ValueError: the database or a font cannot be used.
+    `after_photo`: scans cover only the line that the camera saw, so that regions do not apply. Raises FileError: the
+    lexicon cannot be used. ValueError: the database or a font cannot be used.
     """
     # a file that is not there is reported when the reader is opened
     return _cached_reader(settings, tuple(map(stamp_if_there, files_of(settings))), after_photo)
@@ -54,11 +50,9 @@ def open_reader(settings: ReadSettings) -> Reader:
     With a glyph database its fonts are used, or those of them that `font` names. Other names in `font` are built-in
     fonts or font files.
 
-    Raises:
-        FileError: the lexicon or certificate cannot be used.
-        MarksError: no sense in use keeps the accepted risk.
-        SettingsError: settings contradict each other.
-        ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
+    Raises FileError: the lexicon or certificate cannot be used. MarksError: no sense in use keeps the accepted risk.
+    SettingsError: settings contradict each other. ValueError: a font cannot be used or lacks characters of the format,
+    or the database cannot be used.
     """
     from pipeline.reading.certificate import acceptance_of
     from recognition.decide.depth_rules import depth_rule

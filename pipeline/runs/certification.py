@@ -53,8 +53,7 @@ class Certification:
 
     Attributes:
         certificate: None if no threshold is proven to keep the risk.
-        tests: one test per threshold.
-        errors: number of these that could not be read.
+        errors: number of parts that could not be read.
         without_truth: number of parts that are not in the truth, and were not read.
         missing: estimated number of further parts for a certificate; None if there is one, or if no number suffices.
     """

@@ -54,7 +54,6 @@ class Journal(Generic[Stored]):
         keeps: type stored for a part; pydantic writes and reads it.
         facts: columns beside it, which can be read without it; see `facts_of`.
         file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
-        again: names of the parts that have a second result.
     """
 
     kind: ClassVar[str]
@@ -126,7 +125,6 @@ class Journal(Generic[Stored]):
 
     @cached_property
     def done(self) -> dict[str, Stored]:
-        """Stored results by part name; grows with `keep`."""
         rows = self._db.execute("select name, kept from parts where again = 0 order by number")
         return {as_text(name): self.parse(text) for name, text in rows}
 
@@ -156,7 +154,7 @@ class Journal(Generic[Stored]):
         return results
 
     def facts_of(self, name: str, result: Stored) -> Sequence[Any]:
-        """Values of the columns `facts` for the result of a part."""
+        """Values of the columns `facts`."""
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
@@ -175,7 +173,6 @@ class Journal(Generic[Stored]):
         yield from self._db.execute(_IN_ORDER.format(columns=selected))
 
     def latest(self, count: int) -> list[Stored]:
-        """The first results of the parts that were stored last, in order."""
         rows = self._db.execute(
             "select kept from parts where again = 0 order by number desc limit ?", (count,)
         ).fetchall()
@@ -189,7 +186,6 @@ class Journal(Generic[Stored]):
         self._db.close()
 
     def remove(self) -> None:
-        """End the run: its output is complete."""
         self.close()
         with self._faults():
             sync_names(self.path.parent)

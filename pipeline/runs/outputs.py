@@ -108,7 +108,6 @@ class RunJournal(Journal[ReadPart]):
         return stored
 
     def facts_of(self, name: str, result: ReadPart) -> Sequence[Any]:
-        """The outline of a reading, and its line."""
         record = result.record
         decision, text, error = map(as_blob, (record.decision, record.text, record.error))
         line = self._lines[name] if self._growing is not None else b""
@@ -123,7 +122,6 @@ class RunJournal(Journal[ReadPart]):
         return {first.part: first.error for first, _ in self.outlines() if first.error}
 
     def better(self, order: Iterable[str] = ()) -> Iterator[Outline]:
-        """Stream the outline of the reading of every part that counts, as `records` does."""
         return (row.outline for row in self._rows(order))
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
@@ -138,13 +136,11 @@ class RunJournal(Journal[ReadPart]):
             yield second if second is not None and is_better(second.outline, first.outline) else first
 
     def keep_private(self) -> None:
-        """Make the files readable by their owner only; for records that are not the user's own table."""
         with self._faults():
             for path in self.path.parent.glob(f"{self.path.name}*"):
                 path.chmod(0o600)
 
     def close(self) -> None:
-        """Close the table; an unfinished run can be resumed."""
         self.close_table()
         super().close()
 
@@ -172,14 +168,10 @@ def export(
     order: Iterable[str],
     final: Callable[[ReadingRecord], ReadingRecord] = lambda record: record,
 ) -> None:
-    """Write the table of a run in order, with unnamed parts last, and end the run.
+    """Write the table of a run in order, with unnamed parts last, and end the run; names without a record are skipped.
 
-    Args:
-        order: names of the parts; names without a record are skipped.
-        final: makes the record that is written from each stored one.
-
-    Raises:
-        FileError: it cannot be written; the same command resumes the run and ends it.
+    `final` makes the record that is written from each stored one. Raises FileError: it cannot be written; the same
+    command resumes the run and ends it.
     """
     journal.close_table()
     with writing(journal.table):
@@ -228,16 +220,10 @@ class RunStore:
     """
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
-        """Open the store for a run.
+        """Open the store for a run; `run` is a hash of everything that its readings depend on.
 
-        Args:
-            run: hash of everything that its readings depend on.
-            evidence: the service's folder of files; without it no pictures are kept.
-
-        Raises:
-            StoreError: the store cannot be opened.
-            FileError: a folder cannot be made.
-            MissingExtraError: the extra `service` is not installed.
+        Raises StoreError: the store cannot be opened. FileError: a folder cannot be made. MissingExtraError: the extra
+        `service` is not installed.
         """
         try:
             from pipeline.store.evidence_folder import EvidenceFolder
@@ -278,7 +264,7 @@ class RunStore:
         return True
 
     def send_to_review(self, record: ReadingRecord, objection: Objection) -> None:
-        """Send a stored part to review, unless a person has reviewed it."""
+        """Not if a person has reviewed it."""
         from pipeline.store.errors import MAX_TEXT, cleaned
 
         name = cleaned(record.part)[:MAX_TEXT]

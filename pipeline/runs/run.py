@@ -41,8 +41,7 @@ class Run:
         quarantine: table of the parts that could not be read.
         watch: compares the parts read now with those of a certificate.
         on_row: called with every final row, including those from before a resumption.
-        read_now: number of parts read since the run was opened.
-        known: number of these that the store already had.
+        known: number of the parts read now that the store already had.
     """
 
     journal: RunJournal
