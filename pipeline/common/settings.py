@@ -59,13 +59,13 @@ class Settings(BaseModel):
         return settings
 
     @classmethod
-    def of(cls, **given: Any) -> Self:
+    def of(cls, **values: Any) -> Self:
         """Make settings from a program's arguments. Raises SettingsError: a setting is unknown or invalid."""
-        for name in given:
+        for name in values:
             if name not in cls.model_fields:
                 cls.check_known(name)
         try:
-            return cls(**given)
+            return cls(**values)
         except ValidationError as error:
             raise bad_value(error) from error
 
@@ -123,7 +123,7 @@ def _mode(value: Any) -> Any:
     return _MODES.get(value, value) if isinstance(value, str) else value
 
 
-def _one(value: Any) -> Any:
+def _in_tuple(value: Any) -> Any:
     # a format may hold commas itself
     return (value,) if isinstance(value, str) else value
 
@@ -132,7 +132,7 @@ def _by_name(value: Any) -> Any:
     if isinstance(value, str) and value.lstrip().startswith("{"):
         value = json_of(value)
     if not isinstance(value, Mapping):
-        return _one(value)
+        return _in_tuple(value)
     return tuple(_line_of_table(name, written) for name, written in value.items())
 
 
@@ -298,7 +298,7 @@ class PartSettings(Settings):
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file to compare the marks with; may be repeated. Any font is read."""
     format: Annotated[
-        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), _where_given(_formats)
+        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_in_tuple), _where_given(_formats)
     ] = ()
     """Format of the serials; may be repeated, all must hold. For example AA999999 (A is a letter, a a small letter, 9 a
     digit, * A or 9, a blank a word gap; any other character, and any after a \\, stands for itself), re:EXPRESSION,

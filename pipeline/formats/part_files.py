@@ -7,8 +7,8 @@ import os
 import posixpath
 import re
 import unicodedata
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
@@ -115,21 +115,16 @@ def spelling_on_disk(name: str) -> Path:
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
 def _names(folder: Path) -> dict[str, list[str]]:
+    """The names in a folder by their folded spelling."""
+    alike = defaultdict[str, list[str]](list)
     with contextlib.suppress(OSError):
-        return by_spelling(sorted(os.listdir(folder)))
-    return {}
+        for name in sorted(os.listdir(folder)):
+            alike[folded(name)].append(name)
+    return alike
 
 
 def _compose(name: str) -> str:
     return unicodedata.normalize("NFC", name)
-
-
-def by_spelling(names: Iterable[str]) -> dict[str, list[str]]:
-    """The names by their folded spelling."""
-    alike: dict[str, list[str]] = {}
-    for name in names:
-        alike.setdefault(folded(name), []).append(name)
-    return alike
 
 
 # stem of one of several photographs of a part

@@ -65,7 +65,7 @@ class TraceTable:
     def column(self, name: Column | None) -> NDArray[np.float64]:
         return np.zeros(self.n_rows) if name is None else self.columns[name]
 
-    def at(self, row: int) -> str:
+    def place(self, row: int) -> str:
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
@@ -76,7 +76,7 @@ class TraceTable:
         if lost.size:
             value = rows[lost[0]][~(np.abs(rows[lost[0]]) < OVERLOAD)][0]
             value_text = f"no {what}" if np.isnan(value) else f"the {what} {value:g}, an overload,"
-            raise DataError(f"has {value_text} {self.at(int(lost[0]))}", hint)
+            raise DataError(f"has {value_text} {self.place(int(lost[0]))}", hint)
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:

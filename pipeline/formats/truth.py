@@ -9,6 +9,7 @@ Parts in subfolders: the table may name tray-7/part-3 or part-3.jpg; the longest
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -19,9 +20,11 @@ from typing import TYPE_CHECKING
 
 from rapidfuzz.distance import Levenshtein
 
+from glyphs.errors import FileError
 from pipeline.common.names import folded
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_serial
+from pipeline.common.settings import SettingsError
 from pipeline.common.texts import first_of, without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import file_kind
@@ -188,6 +191,34 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         if not part_lines:
             raise DataError("holds no part", "give a line for each part and its text")
     return part_lines
+
+
+def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
+    """The value of `--verify`: a text of every part, or texts by part from a table (.csv, .xlsx or an existing file).
+
+    Raises:
+        FileError: the table is missing, or a text in it does not fit the grammar.
+        SettingsError: the text is empty or does not fit the grammar.
+    """
+
+    def broken(text: str) -> str:
+        return "" if grammar is None else "; ".join(grammar.objections(text))
+
+    if not value.lower().endswith((".csv", ".xlsx")) and not os.path.isfile(value):
+        if not value.strip():
+            hint = "give the text that the part should read, or a CSV table"
+            raise SettingsError("--verify is empty", hint=hint)
+        if broken(value):
+            raise SettingsError(f"--verify is {value!r}, but {broken(value)}", hint="correct it or --format")
+        return value.strip()
+    path = Path(value)
+    table = load_truth(path)
+    for part, text in table.items():
+        if not text:
+            raise FileError(path, f"gives no text for {part}", "give it, or leave the part out")
+        if broken(text):
+            raise FileError(path, f"{part} should read {text!r}, but {broken(text)}", "correct one of them")
+    return table
 
 
 def part_name(cell: str) -> str:

@@ -78,8 +78,8 @@ def check_held_out(
 
 def _copy_without(database: Path, copy: Path, font: str) -> None:
     held = load_database(database)
-    fonts = {name: one for name, one in held.fonts.items() if name != font}
-    exemplars = tuple(one for one in held.exemplars if one.font_name != font)
+    fonts = {name: held_font for name, held_font in held.fonts.items() if name != font}
+    exemplars = tuple(exemplar for exemplar in held.exemplars if exemplar.font_name != font)
     save_database(replace(held, fonts=fonts, exemplars=exemplars), copy)
 
 

@@ -37,10 +37,10 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     with naming(relief):
         heights = heights_of_piece(read_piece(relief))
     with naming(scan):
-        found = identify(recording, heights, whisker=recording.touch, tip_sd=WORN_TIP)
-    whiskers = np.array(found.whiskers)
+        fitted = identify(recording, heights, whisker=recording.touch, tip_sd=WORN_TIP)
+    whiskers = np.array(fitted.whiskers)
     gains = len(Unknown) + whiskers
-    mean = np.zeros(found.before.size)
+    mean = np.zeros(fitted.before.size)
     mean[gains] = 1.0 / gains.size
     land = abs(recording.touch.land_moment_n_mm())
     air = [
@@ -48,7 +48,7 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     ]
     measures = {
         GoldenMeasure.GAIN: Measured(
-            float(found.bench.gain[whiskers].mean()), float(np.sqrt(mean @ found.repeated @ mean))
+            float(fitted.bench.gain[whiskers].mean()), float(np.sqrt(mean @ fitted.repeated @ mean))
         )
     }
     if air:
@@ -58,8 +58,8 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
         measures[GoldenMeasure.ZERO] = Measured(
             float(zeros[:, worst].mean()), float(zeros[:, worst].std() / np.sqrt(len(zeros)))
         )
-    sd = dict(zip(Unknown, np.sqrt(np.diag(found.repeated)), strict=False))
+    sd = dict(zip(Unknown, np.sqrt(np.diag(fitted.repeated)), strict=False))
     for name in (GoldenMeasure.RADIUS, GoldenMeasure.FRICTION, GoldenMeasure.PRELOAD):
         unknown = Unknown(name.value)
-        measures[name] = Measured(found.bench[unknown], float(sd[unknown]))
+        measures[name] = Measured(fitted.bench[unknown], float(sd[unknown]))
     return measures

@@ -180,7 +180,7 @@ def surface_of(top: PartMap, part_id: str = "", *, feel: Feel | None = None) -> 
 
 def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:
     """A function that mounts a surface on the simulated stage."""
-    from pipeline.reading.framed_session import FramedSession
+    from pipeline.reading.scan_plan import FramedSession
     from recognition.see.virtual_bench import VirtualBench
 
     def open_stage(

@@ -20,6 +20,8 @@ from pipeline.errors import OwnFileError
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
+    from glyphs.soiling.soil import Soil
+    from glyphs.surface.maps import HeightMap
     from recognition.find.request import LineFormat
     from recognition.reader import Reader
     from recognition.see.virtual_array import VirtualArray
@@ -87,6 +89,19 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
     return VirtualArray(whisker, Sensors(settings.sensors), Fidelity(settings.fidelity))
 
 
+def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
+    """Find the character height by reading the part. Raises MarksError: no characters were found.
+
+    Dirt makes bands of its own, and only a reading finds the band that is the line.
+    """
+    from recognition.reader import Reader
+
+    reading = Reader().read(height_map, soil=soil)
+    if not reading.characters or reading.decision.value == "reject":
+        raise MarksError("no characters were found, so the scale is unknown", hint="give --height-mm")
+    return float(f"{reading.height_mm:.3g}")
+
+
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
     """The expected lines beside the serial, by name."""
     from recognition.find.request import LineFormat
@@ -117,8 +132,8 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
     except MarksError as error:
         if not isinstance(error, FileError):
             raise FileError(f"{job.name}{SUFFIX}", error.what, error.hint) from error
-        own = error.path in files_of(job.settings)
-        raise (OwnFileError if own else FileError)(error.path, error.what, error.hint) from error
+        is_ours = error.path in files_of(job.settings)
+        raise (OwnFileError if is_ours else FileError)(error.path, error.what, error.hint) from error
     return job
 
 

@@ -55,7 +55,7 @@ class Row(NamedTuple):
     """The reading of a part that counts: what a lot's passes go by, the result, and its line of a growing table."""
 
     outline: Outline
-    kept: str
+    result: str
     line: bytes
 
 
@@ -126,7 +126,7 @@ class RunJournal(Journal[ReadPart]):
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
         """Stream the better record of every part: named parts first, the others in the order of reading."""
-        return (self.parse(row.kept).record for row in self._rows(order))
+        return (self.parse(row.result).record for row in self._rows(order))
 
     def _rows(self, order: Iterable[str] = ()) -> Iterator[Row]:
         width = 7
@@ -152,7 +152,7 @@ class RunJournal(Journal[ReadPart]):
     def lines(self, order: Iterable[str], final: Callable[[ReadingRecord], ReadingRecord]) -> Iterator[bytes]:
         """Stream the lines of the table, as they were written or, where `final` changes the record, anew."""
         for row in self._rows(order):
-            stored = self.parse(row.kept).record
+            stored = self.parse(row.result).record
             record = final(stored)
             yield row.line if row.line and record is stored else self._form.encode(record)
 

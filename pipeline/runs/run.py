@@ -20,7 +20,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.reading.part_job import PartJob, lost_part, read_listed
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import resumable, set_aside, writing
-from pipeline.runs.lot_check import Repeats, find_repeats, repeated, reviewed
+from pipeline.runs.lot import Repeats, find_repeats, repeated, reviewed
 from pipeline.runs.options import RunOptions
 from pipeline.runs.outputs import RunJournal, RunStore, export, write_quarantine
 from pipeline.runs.progress import Progress
