@@ -128,14 +128,13 @@ class PassRecord:
     """One pass of the whiskers, and the posterior after it.
 
     Attributes:
-        direction_deg: direction of travel, 0, 90, 180, 270.
+        direction_deg: of travel, 0, 90, 180, 270.
         line_mm: position of each whisker's line: y for passes along x, x for passes along y.
         along_mm: (least, greatest) coordinate along the lines.
         preload_mm: depth below the land at which the free tip ran.
         stage_s: stage seconds from the start of the first pass to the end of this one.
         why: the reason for choosing it, in words; empty if none is known.
-        text: most probable text after it.
-        confidence: probability that the whole text is right, 0 to 1.
+        text: most probable text after it, which is right with the probability `confidence`.
     """
 
     direction_deg: int

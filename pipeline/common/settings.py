@@ -32,10 +32,8 @@ class Settings(BaseModel):
     """Checked settings; unknown names are errors.
 
     Attributes:
-        table: table of `tactile-marks.toml`, and part of the environment variables' names; empty for the top of the
-            file.
-        replaced: former names with what to write instead, for the hint of an error; empty for what now follows from
-            the machine.
+        table: of `tactile-marks.toml`, and part of the environment variables' names; empty for the top of the file.
+        replaced: former names with what to write instead; empty for what now follows from the machine.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)

@@ -116,13 +116,12 @@ def discover(
     """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
     Files of other kinds are passed over in a folder or glob. Named on their own they are parts with a problem, as are
-    missing files. A part in a subfolder has the subfolder in its name. Hidden folders and links to folders are not
-    searched. A URL with the suffix of a known kind counts as a file without a check; any other URL is listed.
+    missing files. A part in a subfolder has the subfolder in its name. Hidden folders, links to folders and subfolders
+    of a web server are not searched. A URL with the suffix of a known kind counts as a file without a check; any other
+    URL is listed.
 
     Args:
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
-        manifests: more manifests, of any file name.
-        recurse: search subfolders, too; those of a web server are not searched.
         photos: photographs without a height map or scan are parts; otherwise those of folders are passed over.
         beside: photographs beside a named local file with the same stem belong to its part.
         height_images: .png and .tif are height maps, not photographs.
@@ -280,8 +279,7 @@ def kind_of_named(file: str) -> str:
 
 
 def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
-    """Add a file to a part, which may have several numbered photographs (part.light-2.png), but one file of other
-    kinds."""
+    """Add a file to a part, which may have several numbered photographs (part.light-2.png), but one of other kinds."""
     if kind == "photo" and (file in part.photos or not part.photos or set_of(file)):
         return part if file in part.photos else replace(part, photos=(*part.photos, file))
     first, problem = str(getattr(part, kind)), None

@@ -66,7 +66,6 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     """Factors that convert heights and sample distances to millimetres.
 
     Args:
-        raw: heights of the file, without bad points.
         pitch: the smaller distance of samples, in the file's numbers; in millimetres if the settings give it.
         settings: their unit replaces the file's, except for heights or distances that it would make absurd.
 
@@ -180,7 +179,7 @@ class _Shape:
         return float(np.degrees(np.arctan(self.slope * z_mm / (self.pitch * xy_mm))))
 
     def is_upright(self, z_mm: float, xy_mm: float) -> bool:
-        """Whether it stands on the edge of a plate, rather than being a tall part with marks on its end."""
+        """Whether it stands on the edge of a plate, rather than being tall with marks on its end."""
         return bool(self.relief * z_mm > _UPRIGHT * min(self.raw.z.shape) * self.pitch * xy_mm)
 
     def is_small(self, xy_mm: float) -> bool:
@@ -293,10 +292,9 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
 
 
 def _on_square_grid(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Heights on a square grid, and its pitch.
+    """Resample the coarser axis linearly to the finer pitch, or the finer axis if it is more than four times finer.
 
-    The coarser axis is resampled linearly to the finer pitch; if one pitch is more than four times the other, the finer
-    axis is resampled to the coarser pitch instead. A sample interpolated with a dropout is a dropout.
+    A sample interpolated with a dropout is a dropout.
     """
     finer, coarser = sorted((x_mm, y_mm))
     if coarser / finer - 1.0 <= SAME_PITCH:

@@ -65,11 +65,8 @@ class _Pass:
 def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
     """Read a scan from trace files, in the order of recording; moments in N mm, volts unchanged.
 
-    Its notes name faults of the signals.
-
-    Raises:
-        FileError: a file that cannot be used, with its line or channel.
-        MissingExtraError: TDMS without its library.
+    Its notes name faults of the signals. Raises FileError: a file that cannot be used, with its line or channel.
+    MissingExtraError: TDMS without its library.
     """
     passes: list[_Pass] = []
     rates = []

@@ -136,16 +136,12 @@ class PartFiles:
     """One part by its files, each a path or URL; empty if missing.
 
     Attributes:
-        name: unique in its list; control characters are written as escapes.
+        name: unique in its list; control characters are written as escapes. A part without one is a ValueError.
         photos: taken under several lights or at several exposures.
-        expected: text that it should read; empty if none is known.
         format, font: of its serial and mark; empty for those of the run.
         other_text: text that an earlier reading gave with a confidence above 0.5; empty without one.
         problem: why it cannot be read, known before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.
-
-    Raises:
-        ValueError: a part without a name.
     """
 
     name: str
@@ -178,7 +174,7 @@ class PartFiles:
         return bool(self.height_map or self.scan)
 
     def absolute(self) -> PartFiles:
-        """The part with absolute paths of local files, valid on every machine that shares the disk."""
+        """Absolute paths of local files are valid on every machine that shares the disk."""
         height_map, scan, *photos = map(absolute, (self.height_map, self.scan, *self.photos))
         return replace(self, height_map=height_map, scan=scan, photos=tuple(photos))
 

@@ -127,11 +127,8 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
     frame. Transparent pixels are laid on white, or on black if the rest is bright. The photograph's notes say so.
     The pixel size is that of the file, if it states one in metres or inches other than the usual defaults (72 or 96
-    dpi). It may have `most` pixels.
-
-    Raises:
-        FileError: the file is missing, of an unsupported kind, damaged, cut short, or takes more work to decode than a
-            photograph.
+    dpi). It may have `most` pixels. Raises FileError: the file cannot be used, or takes more work to decode than a
+    photograph.
     """
     path = Path(path)
     with _open_image(path, most) as image:

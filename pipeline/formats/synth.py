@@ -119,12 +119,9 @@ def write_parts(
 ) -> list[tuple[str, str]]:
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`; return (name, text) of each.
 
-    `each` calls a function with every number and gives the results in order, as `map` does.
-
-    Raises:
-        FileError: the folder is not empty and `overwrite` is off, or it cannot be written.
-        MapError: a photograph too large.
-        SettingsError: an invalid number of parts.
+    `each` calls a function with every number and gives the results in order, as `map` does. Raises FileError: the
+    folder is not empty and `overwrite` is off, or it cannot be written. MapError: a photograph too large.
+    SettingsError: an invalid number of parts.
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it must be between 1 and {MAX_PARTS:,}")

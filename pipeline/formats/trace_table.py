@@ -82,11 +82,9 @@ class TraceTable:
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
     """Read the columns that the description names; time stamps are converted to seconds.
 
-    TDMS channels with another start or sampling rate than the first are resampled at its samples.
-
-    Raises:
-        DataError: the file is of another kind or damaged, lacks a column, or has a value that is not a number.
-        MissingExtraError: the library for TDMS is missing.
+    TDMS channels with another start or sampling rate than the first are resampled at its samples. Raises DataError: the
+    file is of another kind or damaged, lacks a column, or has a value that is not a number. MissingExtraError: the
+    library for TDMS is missing.
     """
     if path.suffix.lower() == ".tdms":
         return _tdms(path, layout.columns)

@@ -196,9 +196,8 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
     """The value of `--verify`: a text of every part, or texts by part from a table (.csv, .xlsx or an existing file).
 
-    Raises:
-        FileError: the table is missing, or a text in it does not fit the grammar.
-        SettingsError: the text is empty or does not fit the grammar.
+    Raises FileError: the table is missing, or a text in it does not fit the grammar. SettingsError: the text is empty
+    or does not fit it.
     """
 
     def broken(text: str) -> str:
@@ -238,11 +237,8 @@ _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
     """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099.
 
-    A range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do.
-
-    Raises:
-        FileError: the file is missing or not text, no single column holds the serials, a cell is not a serial, or a
-            range is invalid; names the line.
+    A range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do. Raises
+    FileError: it is not text, no single column holds the serials, a cell is not a serial, or a range is invalid.
     """
     with reading(path, most_bytes=_MOST_BYTES):
         column, lines = _serials_column(list(table_lines(path, comments=True)))

@@ -105,8 +105,6 @@ def enrol(
 
     Args:
         parts: parts with confirmed texts in `expected`; a scan is preferred to a height map.
-        font: name of the font to be learned; a new one, or one learned before.
-        settings: fonts, character height.
         vouching: whether the nearest known font may vouch for characters with few exemplars: see `learn_font`.
         each: calls a function with every part and gives the results in order, as `map` does.
 

@@ -48,14 +48,10 @@ def check_held_out(
     fewest_parts: int = 6,
     most_parts: int = 20,
 ) -> HeldOutCheck | None:
-    """Read parts with a font learned from other parts of the same die, and without it; None if too little can be
-    learned.
+    """Read reviewed parts with a font learned from other parts of the same die, and without it; None for too few parts.
 
-    Args:
-        parts: reviewed parts with their texts.
-        database: the database that they were enrolled into, with the learned font.
-        fewest_parts: least number of parts; half of fewer would teach too little.
-        most_parts: most parts that are read; more would only take longer.
+    The database holds the learned font. Of fewer parts than `fewest_parts` half would teach too little; more than
+    `most_parts` would only take longer.
     """
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:

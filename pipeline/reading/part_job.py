@@ -271,10 +271,8 @@ def read_sent(job: PartJob) -> ReadPart:
     earlier photo + scan (map) -> fused            the photograph of an earlier job
     earlier photo + stage      -> fused            scanned pass by pass, see `read_on_stage`
 
-    Raises:
-        FileError: a file that was sent, or the expected text, cannot be used.
-        OwnFileError: a file of the settings, or this machine, cannot be used now.
-        ValueError: the job has no file to read, or an earlier photograph without touch.
+    Raises FileError: a file that was sent, or the expected text, cannot be used. OwnFileError: a file of the settings,
+    or this machine, cannot be used now. ValueError: no file to read, or an earlier photograph without touch.
     """
     if not job.files.felt and (job.earlier or not job.files.photo):
         raise ValueError(

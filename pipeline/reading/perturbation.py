@@ -40,8 +40,7 @@ class Perturbation:
 
     Attributes:
         shift: of the traced lines, in line pitches, along x and y.
-        light: share by which the photograph is brighter or darker.
-        scale: share by which the part is larger or smaller.
+        light, scale: shares by which the photograph is brighter or darker, and the part larger or smaller.
         reordered: directions and passes are in reverse order.
         drawn: shift, light and scale are drawn at random, with these as the largest values.
     """

@@ -41,11 +41,8 @@ def plan_of(
 ) -> ScanPlanRecord:
     """Plan the scan that resolves the doubts of the camera.
 
-    Args:
-        photo: the photograph; if its pitch is known, the region lies around the line, or is the whole picture if no
-            line was found with certainty.
-        field_mm: width and height of the stage's field.
-        reason: why touch is needed.
+    If the photograph's pitch is known, the region lies around the line, or is the whole picture if no line was found
+    with certainty; else it is the stage's field, of width and height `field_mm`.
     """
     from recognition.see.photo_frame import photo_middle_mm
     from whisker_array.whisker.array import default_plan

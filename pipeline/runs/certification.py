@@ -86,8 +86,7 @@ def certify(
 
     Raises:
         FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
-        MarksError: no sense keeps the risk of the settings, so that nothing would be accepted.
-        SettingsError: the settings cannot be certified.
+        MarksError: the settings cannot be certified, or no sense keeps their risk.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")

@@ -68,7 +68,7 @@ class Journal(Generic[Stored]):
         """Resume the journal, a file or in the folder of the run, or begin a new one.
 
         Args:
-            description: description of the run in plain JSON values; None to read any run and change nothing.
+            description: of the run in plain JSON values; None to read any run and change nothing.
             output: file that errors name (default: the journal).
 
         Raises:
@@ -158,11 +158,9 @@ class Journal(Generic[Stored]):
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
-        """Stream columns of the first result of every part, and then of its second one; None where it has none.
+        """Stream columns (name, kept, facts) of the first result of every part and then of its second one, or None.
 
-        Args:
-            columns: name, kept or one of `facts`.
-            order: names of the parts that come first; names without a stored result are skipped.
+        Names in `order` come first; those without a stored result are skipped.
         """
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
@@ -287,7 +285,6 @@ def resumable(
         work: makes a result of (order, part).
         lost: makes the result of a part whose work failed or whose worker died.
         form: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
-        again: whether the parts are done a second time.
     """
     named, done = attrgetter(name), journal.again if again else journal.names
     tasks: dict[str, T] = {}

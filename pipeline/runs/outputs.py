@@ -62,9 +62,7 @@ class Row(NamedTuple):
 class RunJournal(Journal[ReadPart]):
     """The results of one run, and the table that grows with them, for one thread at a time.
 
-    Attributes:
-        written: whether there is a table; without one only the journal is written.
-        previous: new name of the previous table; None if there was none with a row.
+    Without a table (`written`) only the journal is written; `previous` is the new name of a previous table.
     """
 
     kind: ClassVar[str] = "run"
@@ -145,7 +143,7 @@ class RunJournal(Journal[ReadPart]):
         super().close()
 
     def close_table(self) -> None:
-        """Close the table alone: Windows does not replace a file that is open."""
+        """Windows does not replace a file that is open."""
         if self._growing is not None:
             self._growing.close()
 
@@ -214,10 +212,7 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that stores each part of a run once, even if the run is repeated.
-
-    A part's key is made from the run, its name and the content of its files; the store keeps it as long as the part.
-    """
+    """A store that keeps each part of a run, known by run, name and content of its files, once, even if it is repeated."""
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
         """Open the store for a run; `run` is a hash of everything that its readings depend on.

@@ -126,14 +126,10 @@ class Run:
 
 @contextmanager
 def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: bool = False) -> Iterator[Run]:
-    """Open a new run with its table, or resume an interrupted one.
+    """Open a new run with its table, or resume an interrupted one; answers depend on the description, in JSON values.
 
-    Args:
-        description: settings on which the answers depend, in plain JSON values.
-
-    Raises:
-        FileError: the table belongs to another run, is being written, or cannot be written.
-        StoreError: the store cannot be opened.
+    Raises FileError: the table belongs to another run, is being written, or cannot be written. StoreError: the store
+    cannot be opened.
     """
     # a part's own entry in a table is in its own key in the store
     known = {name: value for name, value in description.items() if name != "tables"}
