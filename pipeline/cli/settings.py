@@ -212,7 +212,8 @@ def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None
 
 
 def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
-    prefix, names = model.variable(""), {model.variable(name): name for name in model.leaves()}
+    prefix = model.variable("")
+    names = {model.variable(name): name for name in (*model.replaced, *model.leaves())}
     others = tuple(
         other.variable("") for other in MODELS if other.variable("").startswith(prefix) and other is not model
     )

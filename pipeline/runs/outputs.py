@@ -212,7 +212,7 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that keeps each part of a run, known by run, name and content of its files, once, even if it is repeated."""
+    """A store that keeps each part of a run once, known by run, name and files, even if the run is repeated."""
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
         """Open the store for a run; `run` is a hash of everything that its readings depend on.
