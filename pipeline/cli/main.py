@@ -225,19 +225,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         gc.set_threshold(10_000)
         # multiprocessing would run the file named here in every worker, and workers do not need it
         vars(sys.modules["__main__"]).pop("__file__", None)
-    given = sys.argv[1:] if arguments is None else list(arguments)
+    words = sys.argv[1:] if arguments is None else list(arguments)
     try:
         report_left_out = None
-        if not {*_HELP}.isdisjoint(given):
-            whole_help(*given)
-            report_left_out = None if "--help-all" in given else _show_less(given)
+        if not {*_HELP}.isdisjoint(words):
+            whole_help(*words)
+            report_left_out = None if "--help-all" in words else _show_less(words)
         with (
             interrupts_noted(),
             show_compiling(lambda line: print(line, file=sys.stderr, flush=True)),
             failures_reported(),
-            _worker_of(given) if arguments is None else contextlib.nullcontext(),
+            _worker_of(words) if arguments is None else contextlib.nullcontext(),
         ):
-            status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
+            status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
         if report_left_out is not None:
             report_left_out()
         sys.stdout.flush()

@@ -212,7 +212,8 @@ def _give(field: Argument, declared: FieldInfo, value: Any, source: str) -> None
 
 
 def _of_environment(model: type[Settings]) -> Iterator[tuple[str, str, str]]:
-    prefix, names = model.variable(""), {model.variable(name): name for name in model.leaves()}
+    prefix = model.variable("")
+    names = {model.variable(name): name for name in (*model.replaced, *model.leaves())}
     others = tuple(
         other.variable("") for other in MODELS if other.variable("").startswith(prefix) and other is not model
     )
@@ -310,8 +311,8 @@ def settings_file(*models: Settings) -> str:
     Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. There are no tables, so
     that other lines can be pasted anywhere. A setting without a default has its type in place of a value:
 
-    # Private key of that certificate (PEM), without a password.
-    #service.tls.key =    # file or folder
+    # Certificate of the OPC UA server; with it every connection is signed and encrypted. Default: that of TLS.
+    #service.opcua.certificate =    # file or folder
     """
     return "\n".join((_BEGINNING, *map(_table_of_file, models)))
 

@@ -137,12 +137,7 @@ def revoke(name: str, /, *, location: AtStore = STORE) -> None:
     print(f"token {name} is refused from now on")
 
 
-def backup(
-    to: Path,
-    /,
-    *,
-    location: AtData = DATA,
-) -> int:
+def backup(to: Path, /, *, location: AtData = DATA) -> int:
     """Copy the store and its files, while the service runs.
 
     The folder of the backup appears when it is complete. Exit status: 1 if a file of the service was missing
@@ -164,12 +159,7 @@ def backup(
     return _report_lost(manifest.lost)
 
 
-def restore(
-    backup: Path,
-    /,
-    *,
-    location: AtData = DATA,
-) -> int:
+def restore(backup: Path, /, *, location: AtData = DATA) -> int:
     """Restore a backup into an empty store: SQLite or PostgreSQL, whichever it was made from.
 
     Parameters

@@ -77,9 +77,9 @@ def scan(
     from pipeline.formats.grid import PartMap
     from pipeline.formats.touch_file import read_part_map
     from pipeline.formats.whisker_file import read_surface, read_whisker_file
-    from pipeline.reading.character_height import find_height_mm
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions
+    from pipeline.reading.readers import find_height_mm
     from recognition.see.virtual_array import VirtualArray
     from recognition.see.virtual_bench import VirtualBench
     from whisker_array.scan.recording import save_scan

@@ -20,7 +20,7 @@ and groups with too few accepted parts for any answer are skipped; only the numb
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
@@ -91,7 +91,6 @@ def threshold_tests(
 
     Args:
         scores: score of each reading that is accepted if it reaches the threshold.
-        right: whether each is right.
         risk: largest share of wrong readings among the accepted.
         thresholds: strictest first; chosen before any part is read.
         groups: groups of each reading, such as its generator; none if there are no groups.
@@ -167,30 +166,6 @@ class _Column:
 def proven_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
     """The most lenient proven threshold; None without one."""
     return next((test for test in reversed(tests) if test.shown is Shown.YES), None)
-
-
-def risk_thresholds(
-    scores: Sequence[float],
-    right: Sequence[bool],
-    risks: Sequence[float],
-    *,
-    confidence: float,
-    thresholds: Sequence[float] = THRESHOLDS,
-    groups: Sequence[Collection[str]] = (),
-    start_share: float = 1.0,
-) -> Mapping[float, ThresholdTest]:
-    """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none."""
-    tests_of = partial(
-        threshold_tests,
-        scores,
-        right,
-        confidence=confidence,
-        thresholds=thresholds,
-        groups=groups,
-        start_share=start_share,
-    )
-    proven = {risk: proven_threshold(tests_of(risk=risk)) for risk in risks}
-    return {risk: test for risk, test in proven.items() if test is not None}
 
 
 def parts_missing(

@@ -112,8 +112,7 @@ def read_toml(
         hidden: names of the model's alternatives, which are not keys of the file.
 
     Raises:
-        FileError: the file is missing, too long, not TOML or of another version; a key is unknown, missing or
-            invalid.
+        FileError: the file is not TOML or of another version; a key is unknown, missing or invalid.
     """
     written = toml_of(path)
     if format_version is not None and (version := written.pop("format_version", 1)) != format_version:

@@ -12,15 +12,11 @@ from pipeline.common.shares import Share
 
 @dataclass(frozen=True)
 class Person:
-    """A person at the service.
+    """A person at the service; a name with hidden characters raises HiddenCharacterError.
 
     Attributes:
         name: signature of reviews: the token's name, or the name typed where no token is required.
-        token: name of the token; empty without one.
         seat: secret of the person's browser; it distinguishes persons without tokens.
-
-    Raises:
-        HiddenCharacterError: the name has hidden characters.
     """
 
     name: str
@@ -56,7 +52,6 @@ class AuditFigures:
     """Results of audits of accepted parts that were drawn since a time.
 
     Attributes:
-        waiting: parts that nobody has read yet.
         disputed: parts read differently that wait for the deciding review.
         not_judged: parts that people could not read.
         accepted_wrong: share of wrong readings among those judged, with the Clopper-Pearson interval.

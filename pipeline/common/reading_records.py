@@ -37,7 +37,6 @@ class CharacterRecord:
         grade: A to F, or "?" if too little was scanned; empty if it was not graded.
         box_px: the same in pixels, for a photograph whose scale is unknown; else None.
         state_chars: if confused, the two characters; if mismatched, the one that is there and the one expected.
-        action: empty if none is needed, or it was not graded.
         depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
         burr_mm: height of the rim beside its strokes above the land; None if unknown.
         no_depth: why touch measured no depth: "font" (name it), "not felt" or "saturated"; else empty.
@@ -58,12 +57,10 @@ class CharacterRecord:
 
     @property
     def char(self) -> str:
-        """The best candidate; empty without one."""
         return self.candidates[0].char if self.candidates else ""
 
     @property
     def box(self) -> Box:
-        """The box in mm where the scale is known, else in pixels."""
         return self.box_mm or self.box_px or (0.0, 0.0, 0.0, 0.0)
 
 
@@ -90,8 +87,7 @@ class LineRecord:
     Attributes:
         name: in the settings; empty for a line that the settings do not name.
         confidence: probability that all of it is right, 0 to 1.
-        box_mm: x0, y0, x1, y1; None if the photograph's scale or the line's place is unknown.
-        box_px: the same in pixels of a photograph whose scale is unknown; else None.
+        box_mm: x0, y0, x1, y1; None if the photograph's scale or the line's place is unknown; else box_px in pixels.
     """
 
     name: str
@@ -117,8 +113,7 @@ class CodeRecord:
         kind: Data Matrix, QR Code or Micro QR Code.
         text: GS1 codes with identifiers in brackets, control characters as their pictures (␝).
         same: whether it holds the serial that was read; None if it has no serial, or none was read.
-        box_mm: x0, y0, x1, y1; None if the photograph's scale or the code's place is unknown.
-        box_px: the same in pixels of a photograph whose scale is unknown; else None.
+        box_mm: as in `LineRecord`, and box_px.
     """
 
     kind: str
@@ -133,14 +128,13 @@ class PassRecord:
     """One pass of the whiskers, and the posterior after it.
 
     Attributes:
-        direction_deg: direction of travel, 0, 90, 180, 270.
+        direction_deg: of travel, 0, 90, 180, 270.
         line_mm: position of each whisker's line: y for passes along x, x for passes along y.
         along_mm: (least, greatest) coordinate along the lines.
         preload_mm: depth below the land at which the free tip ran.
         stage_s: stage seconds from the start of the first pass to the end of this one.
         why: the reason for choosing it, in words; empty if none is known.
-        text: most probable text after it.
-        confidence: probability that the whole text is right, 0 to 1.
+        text: most probable text after it, which is right with the probability `confidence`.
     """
 
     direction_deg: int
@@ -223,7 +217,6 @@ class ReadingRecord:
 
     @classmethod
     def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:
-        """The record of a part that could not be read."""
         return cls("", "", "", 0.0, part=part, error=error, seconds=seconds)
 
 

@@ -75,7 +75,6 @@ class EvidenceRecord:
         sha256: of its content, hexadecimal; the file is stored under that name.
         name: the sender's name for it; never used as a path.
         meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
-        at: set by the store.
         gone: the file has expired and was deleted.
     """
 
@@ -145,7 +144,6 @@ class AgreementDay:
 
     Attributes:
         compared: number of them for which the line's own reader has sent a serial.
-        same, other, nothing: number of these read the same, differently, or not at all.
         accepted: number of those compared that would have been accepted.
         accepted_other: number of these that were not read the same.
     """
@@ -168,13 +166,11 @@ class PartRecord:
         id: made by the store; sorts by time.
         name: the line's name for it; not unique.
         text: the current serial: as reviewed, else as last read; empty while touch is needed.
-        reading: the last reading; None before the first.
-        expected: text that it should have; empty if unknown.
         database: glyph database asked for; empty for the built-in fonts.
         job: job that it was read by; empty for the service's own settings.
         line: line that it came from; empty where lines have no names.
         plan: the scan to make, while touch is needed or after it was missed.
-        touch: its wait for touch; None for a part that does not wait.
+        touch: None for a part that does not wait for touch.
         not_felt: reason why it was not felt though the camera was unsure; empty if it was felt or need not be.
         review: the last review; None before the first.
         shadow: result in shadow mode; None for a part that the service has decided.
@@ -276,11 +272,9 @@ class Statistics:
     """The dashboard's numbers for a period.
 
     Attributes:
-        by_camera: accepted by the camera alone.
         fell_back: sent to touch.
         rejects: their last reading was a reject.
         right_before_review: reading confirmed unchanged.
-        characters_reviewed, characters_right: characters in the reviewed parts' texts, and right ones.
         seconds: (p50, p99) of the reading time by source; sources without readings are left out.
         trend: the hours or days in order, including those without parts.
         awaiting: parts in the review queue now, whenever they were received.
@@ -308,7 +302,6 @@ class AlertRecord:
     Attributes:
         name: reject_rate, review_rate, drift, drift:JOB, bench, watched_folder, golden or golden_overdue.
         part_id: the latest part when it was raised.
-        message: description of the problem, for a person.
     """
 
     name: str

@@ -62,7 +62,6 @@ class NumberedSerial(NamedTuple):
 
     @property
     def series(self) -> tuple[str, int, str]:
-        """What all serials of its series have in common."""
         return self.head, self.digits, self.tail
 
 
@@ -95,7 +94,6 @@ class SerialRules:
         return self.duplicates or self.jump > 0 or self.order is not None
 
     def by_order(self, text: str) -> Objection | None:
-        """The objection to a serial that is not in the order."""
         if self.order is None or self.order.holds(text):
             return None
         return Objection(SerialAlarm.NOT_IN_ORDER, f"{text} is not in {self.order.name}")

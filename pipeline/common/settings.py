@@ -32,10 +32,8 @@ class Settings(BaseModel):
     """Checked settings; unknown names are errors.
 
     Attributes:
-        table: table of `tactile-marks.toml`, and part of the environment variables' names; empty for the top of the
-            file.
-        replaced: former names with what to write instead, for the hint of an error; empty for what now follows from
-            the machine.
+        table: of `tactile-marks.toml`, and part of the environment variables' names; empty for the top of the file.
+        replaced: former names with what to write instead; empty for what now follows from the machine.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
@@ -59,13 +57,13 @@ class Settings(BaseModel):
         return settings
 
     @classmethod
-    def of(cls, **given: Any) -> Self:
+    def of(cls, **values: Any) -> Self:
         """Make settings from a program's arguments. Raises SettingsError: a setting is unknown or invalid."""
-        for name in given:
+        for name in values:
             if name not in cls.model_fields:
                 cls.check_known(name)
         try:
-            return cls(**given)
+            return cls(**values)
         except ValidationError as error:
             raise bad_value(error) from error
 
@@ -123,7 +121,7 @@ def _mode(value: Any) -> Any:
     return _MODES.get(value, value) if isinstance(value, str) else value
 
 
-def _one(value: Any) -> Any:
+def _in_tuple(value: Any) -> Any:
     # a format may hold commas itself
     return (value,) if isinstance(value, str) else value
 
@@ -132,7 +130,7 @@ def _by_name(value: Any) -> Any:
     if isinstance(value, str) and value.lstrip().startswith("{"):
         value = json_of(value)
     if not isinstance(value, Mapping):
-        return _one(value)
+        return _in_tuple(value)
     return tuple(_line_of_table(name, written) for name, written in value.items())
 
 
@@ -298,7 +296,7 @@ class PartSettings(Settings):
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file to compare the marks with; may be repeated. Any font is read."""
     format: Annotated[
-        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), _where_given(_formats)
+        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_in_tuple), _where_given(_formats)
     ] = ()
     """Format of the serials; may be repeated, all must hold. For example AA999999 (A is a letter, a a small letter, 9 a
     digit, * A or 9, a blank a word gap; any other character, and any after a \\, stands for itself), re:EXPRESSION,
@@ -381,5 +379,5 @@ class ReadSettings(MapSettings, PartSettings):
 
     @property
     def touch_budget_s(self) -> float | None:
-        """Most stage seconds of active touch; None for the whole plan."""
+        """None for the whole plan."""
         return self.budget_s if self.active else None

@@ -22,7 +22,6 @@ class Share:
 
     @property
     def value(self) -> float:
-        """The share; 0 without trials."""
         return self.count / self.total if self.total else 0.0
 
 

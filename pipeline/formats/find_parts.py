@@ -61,7 +61,7 @@ class PassedOver:
     folders: dict[str, str] = field(default_factory=dict)
 
     def without(self, used: Iterable[str | Path]) -> PassedOver:
-        """The same files without those that are used otherwise, such as the table of an order."""
+        """The same files without those that are used otherwise."""
         known = {os.path.realpath(file) for file in used}
         files = [file for file in self.files if is_url(file) or os.path.realpath(file) not in known]
         return replace(self, files=files)
@@ -73,7 +73,6 @@ class PassedOver:
         return counts + Counter(folder=len(self.folders))
 
     def describe(self) -> str:
-        """One line of text; empty if nothing was passed over."""
         texts = []
         if self.files:
             kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix != "folder"}
@@ -101,7 +100,6 @@ class Listing(list[PartFiles]):
         self.passed_over = passed_over
 
     def report_passed_over(self, used: Iterable[str | Path] = ()) -> None:
-        """Print what was passed over, except files that are used otherwise."""
         if line := self.passed_over.without(used).describe():
             print(line)
 
@@ -118,13 +116,12 @@ def discover(
     """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
     Files of other kinds are passed over in a folder or glob. Named on their own they are parts with a problem, as are
-    missing files. A part in a subfolder has the subfolder in its name. Hidden folders and links to folders are not
-    searched. A URL with the suffix of a known kind counts as a file without a check; any other URL is listed.
+    missing files. A part in a subfolder has the subfolder in its name. Hidden folders, links to folders and subfolders
+    of a web server are not searched. A URL with the suffix of a known kind counts as a file without a check; any other
+    URL is listed.
 
     Args:
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
-        manifests: more manifests, of any file name.
-        recurse: search subfolders, too; those of a web server are not searched.
         photos: photographs without a height map or scan are parts; otherwise those of folders are passed over.
         beside: photographs beside a named local file with the same stem belong to its part.
         height_images: .png and .tif are height maps, not photographs.
@@ -174,7 +171,6 @@ class FoundFiles:
         self._beside: dict[str, dict[str, list[str]]] = {}
 
     def add_local(self, name: str, *, beside: bool = False) -> None:
-        """Add the files that a local file, folder or glob names; a FileError if a folder cannot be listed."""
         path = Path(name).as_posix()
         if os.path.isdir(path):
             self._add_folder(path, root=path)
@@ -206,7 +202,6 @@ class FoundFiles:
         """Add the files of folders or of a glob, or one file named on its own with the photographs beside it.
 
         Args:
-            files: paths or URLs; hidden ones are skipped.
             named: the first file is named on its own: it is a part whatever its kind.
             root: folder that the user named; parts below it have their subfolder in their names.
         """
@@ -232,7 +227,6 @@ class FoundFiles:
             self._parts[key] = part
 
     def parts(self) -> list[PartFiles]:
-        """The parts in the order in which their first files were found, each once."""
         parts: dict[tuple[str, ...], PartFiles] = {}
         for key, part in self._parts.items():
             if not (self._photos or part.felt or part.problem or key in self._named):
@@ -259,7 +253,6 @@ class FoundFiles:
 
 
 def _entries(folder: str) -> tuple[list[str], list[str]]:
-    """Files and folders in a folder, each sorted by name, without a system call for each."""
     try:
         with os.scandir(folder) as entries:
             paths = sorted((Path(e.path).as_posix(), _is_file(e)) for e in entries)
@@ -286,8 +279,7 @@ def kind_of_named(file: str) -> str:
 
 
 def with_file(part: PartFiles, kind: str, file: str) -> PartFiles:
-    """Add a file to a part, which may have several numbered photographs (part.light-2.png), but one file of other
-    kinds."""
+    """Add a file to a part, which may have several numbered photographs (part.light-2.png), but one of other kinds."""
     if kind == "photo" and (file in part.photos or not part.photos or set_of(file)):
         return part if file in part.photos else replace(part, photos=(*part.photos, file))
     first, problem = str(getattr(part, kind)), None

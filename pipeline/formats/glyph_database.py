@@ -48,12 +48,10 @@ class Exemplar(OneLine):
     """One character measured by touch, and enrolled.
 
     Attributes:
-        font_name: the font it was stamped with; empty if unknown.
         relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
             NaN where unknown.
         note: remark of the person who enrolled it.
-        enrolled_at: ISO 8601 time, given by the caller.
-        height_mm: character height; 0 where unknown.
+        enrolled_at: ISO 8601.
         rotation_deg: rotation of its line in the plate frame.
         place: place of the character in the part's text, from 1; 0 where unknown.
         evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.

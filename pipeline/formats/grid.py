@@ -66,7 +66,6 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     """Factors that convert heights and sample distances to millimetres.
 
     Args:
-        raw: heights of the file, without bad points.
         pitch: the smaller distance of samples, in the file's numbers; in millimetres if the settings give it.
         settings: their unit replaces the file's, except for heights or distances that it would make absurd.
 
@@ -116,7 +115,6 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
 def _refusal(
     raw: RawMap, shape: _Shape, absurd: str, factors: tuple[float, float], likeliest: tuple[str, str] | None
 ) -> DataError | None:
-    """The cause of absurd measures, and its remedy; None for a map that is flat, noisy or askew."""
     states = f" (the file states {raw.unit})" if raw.unit else ""
     if shape.is_small(factors[1]) and (raw.unit or likeliest is None):
         states = states if raw.xy_mm == MM.get(raw.unit) else ""
@@ -147,7 +145,6 @@ class _Shape:
     """Measures of a map in the file's numbers.
 
     Attributes:
-        pitch: smaller distance of samples.
         relief: range of heights, without the outer 0.2 % at each end.
         depth: range of heights without tilt and dome, and without the outer 1 % at each end.
         rise: mean steepness over a fiftieth of the shorter side, per sample.
@@ -182,7 +179,7 @@ class _Shape:
         return float(np.degrees(np.arctan(self.slope * z_mm / (self.pitch * xy_mm))))
 
     def is_upright(self, z_mm: float, xy_mm: float) -> bool:
-        """Whether it stands on the edge of a plate, rather than being a tall part with marks on its end."""
+        """Whether it stands on the edge of a plate, rather than being tall with marks on its end."""
         return bool(self.relief * z_mm > _UPRIGHT * min(self.raw.z.shape) * self.pitch * xy_mm)
 
     def is_small(self, xy_mm: float) -> bool:
@@ -295,10 +292,9 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
 
 
 def _on_square_grid(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Heights on a square grid, and its pitch.
+    """Resample the coarser axis linearly to the finer pitch, or the finer axis if it is more than four times finer.
 
-    The coarser axis is resampled linearly to the finer pitch; if one pitch is more than four times the other, the finer
-    axis is resampled to the coarser pitch instead. A sample interpolated with a dropout is a dropout.
+    A sample interpolated with a dropout is a dropout.
     """
     finer, coarser = sorted((x_mm, y_mm))
     if coarser / finer - 1.0 <= SAME_PITCH:

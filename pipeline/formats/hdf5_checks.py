@@ -23,14 +23,10 @@ MOST_CHUNKS = 50_000
 
 
 def check_hdf5(path: Path, *, most: int | None) -> None:
-    """Check that all content of an HDF5 file is inside it, in few and small chunks and of bounded size.
+    """Check that all content of an HDF5 file is inside it, in few and small chunks. Raises MarksError: a check fails.
 
-    Args:
-        most: most values of its signal; another dataset may hold twice as many. Without it, only objects and chunks
-            are checked.
-
-    Raises:
-        MarksError: a check fails.
+    Its signal may hold `most` values, another dataset twice as many; without `most` only objects and chunks are
+    checked.
     """
     import h5py
 

@@ -65,11 +65,8 @@ class _Pass:
 def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
     """Read a scan from trace files, in the order of recording; moments in N mm, volts unchanged.
 
-    Its notes name faults of the signals.
-
-    Raises:
-        FileError: a file that cannot be used, with its line or channel.
-        MissingExtraError: TDMS without its library.
+    Its notes name faults of the signals. Raises FileError: a file that cannot be used, with its line or channel.
+    MissingExtraError: TDMS without its library.
     """
     passes: list[_Pass] = []
     rates = []
@@ -142,8 +139,9 @@ def _pass(
     axis = int(np.argmax(np.abs(went)))
     travel, strayed = abs(float(went[axis])), float(np.ptp(xy_mm[rows, 1 - axis]))
     if travel == 0.0 or strayed > _ASKEW * travel:
+        where = f"{name}, {table.place(int(rows[0]))} on"
         raise DataError(
-            f"moves {abs(went[0]):.3f} mm in x and {abs(went[1]):.3f} mm in y in {name}, {table.at(int(rows[0]))} on",
+            f"moves {abs(went[0]):.3f} mm in x and {abs(went[1]):.3f} mm in y in {where}",
             "a pass runs along x or along y, from one end to the other; correct columns.lifted and columns.pass",
         )
     direction = TraceDirection((90 if axis else 0) + (180 if went[axis] < 0.0 else 0))
@@ -156,13 +154,12 @@ def _pass(
     if fall.max() > max(2.0 * step, 1e-6 * travel):
         back = int(rows[int(np.argmax(fall > 2.0 * step))])
         hint = "sort the lines by time, and number each travel as a pass of its own"
-        raise DataError(f"runs back in {name}, {table.at(back)}", hint)
+        raise DataError(f"runs back in {name}, {table.place(back)}", hint)
     across = float(np.median(xy_mm[rows, 1 - axis]))
     return _Pass(name, path, direction, u[ahead], step, across, signal[rows[ahead]], air)
 
 
 def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], position_mm: Floats) -> None:
-    """Refuse a position that jumps against the travel or across it, as that of a counter that wraps or is reset."""
     steps = np.diff(position_mm[rows], axis=0)
     size = np.abs(steps).max(axis=1)
     usual = float(np.median(size[size > 0.0])) if size.any() else 0.0
@@ -175,7 +172,7 @@ def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], positio
         if (steps[k] * travel)[axis] <= 0.0 or abs(steps[k, 1 - axis]) > abs(steps[k, axis]):
             far = steps[k, int(np.argmax(np.abs(steps[k])))]
             raise DataError(
-                f"has a position that jumps by {far:+.3f} mm in {name}, {table.at(int(rows[k + 1]))}",
+                f"has a position that jumps by {far:+.3f} mm in {name}, {table.place(int(rows[k + 1]))}",
                 "the encoder's counter wraps or was reset, or lines are missing; correct the positions",
             )
 
@@ -278,7 +275,7 @@ def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
     steps = np.where(np.abs(steps + SECONDS["d"]) < 0.5 * SECONDS["d"], steps + SECONDS["d"], steps)
     if (row := _first_out_of_order(time_s, table.column(columns.number), steps)) is not None:
         raise DataError(
-            f"has times that run back {table.at(row)}",
+            f"has times that run back {table.place(row)}",
             "sort the lines by time, or give sampling_rate_hz in place of columns.time",
         )
     grows = steps[steps > 0.0]

@@ -98,7 +98,6 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Silence the warnings, logs and prints of a parser, which would appear in the middle of a table."""
     before = logging.root.manager.disable
     nowhere = io.StringIO()
     with warnings.catch_warnings(), contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):

@@ -85,10 +85,8 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
     File names are relative to the table. A part without a name takes that of its first file, with as much of the folder
     as makes it unique. Other columns and empty lines are ignored.
 
-    Raises:
-        FileError: it cannot be read, has no column of files or a misspelled one, or a line names no file, repeats a
-            part or is not complete; names the line.
-        MissingExtraError: a library that URLs need is not installed.
+    Raises FileError: it cannot be read, has no column of files or a misspelled one, or a line is not complete, names no
+    file or repeats a part. MissingExtraError: a library that URLs need is not installed.
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
     parts: list[PartFiles] = []
@@ -139,7 +137,6 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
 
 
 def _place(source: str, where: str, name: str) -> str:
-    """A file relative to the table; paths from Windows work on any system."""
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
         if drive := _DRIVE.match(name):
             what = f"{where} names {name}, and this system has no drive {drive[0]}"

@@ -61,7 +61,6 @@ _SOIL = {
 def _array(
     stream: IO[bytes], name: str, held: int, check: Callable[[tuple[int, ...]], None], *, kinds: str = "fiu"
 ) -> NDArray[Any]:
-    """An array of `held` bytes; shape and type are checked before it is loaded."""
     version = np.lib.format.read_magic(stream)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:

@@ -7,8 +7,8 @@ import os
 import posixpath
 import re
 import unicodedata
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
@@ -115,21 +115,16 @@ def spelling_on_disk(name: str) -> Path:
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
 def _names(folder: Path) -> dict[str, list[str]]:
+    """The names in a folder by their folded spelling."""
+    alike = defaultdict[str, list[str]](list)
     with contextlib.suppress(OSError):
-        return by_spelling(sorted(os.listdir(folder)))
-    return {}
+        for name in sorted(os.listdir(folder)):
+            alike[folded(name)].append(name)
+    return alike
 
 
 def _compose(name: str) -> str:
     return unicodedata.normalize("NFC", name)
-
-
-def by_spelling(names: Iterable[str]) -> dict[str, list[str]]:
-    """The names by their folded spelling."""
-    alike: dict[str, list[str]] = {}
-    for name in names:
-        alike.setdefault(folded(name), []).append(name)
-    return alike
 
 
 # stem of one of several photographs of a part
@@ -141,16 +136,12 @@ class PartFiles:
     """One part by its files, each a path or URL; empty if missing.
 
     Attributes:
-        name: unique in its list; control characters are written as escapes.
+        name: unique in its list; control characters are written as escapes. A part without one is a ValueError.
         photos: taken under several lights or at several exposures.
-        expected: text that it should read; empty if none is known.
         format, font: of its serial and mark; empty for those of the run.
         other_text: text that an earlier reading gave with a confidence above 0.5; empty without one.
         problem: why it cannot be read, known before any file was opened.
         photo_problem: why its photographs cannot be used, likewise.
-
-    Raises:
-        ValueError: a part without a name.
     """
 
     name: str
@@ -172,7 +163,6 @@ class PartFiles:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files that are named: height map, scan, photographs."""
         return tuple(file for file in (self.height_map, self.scan, *self.photos) if file)
 
     @property
@@ -184,7 +174,7 @@ class PartFiles:
         return bool(self.height_map or self.scan)
 
     def absolute(self) -> PartFiles:
-        """The part with absolute paths of local files, valid on every machine that shares the disk."""
+        """Absolute paths of local files are valid on every machine that shares the disk."""
         height_map, scan, *photos = map(absolute, (self.height_map, self.scan, *self.photos))
         return replace(self, height_map=height_map, scan=scan, photos=tuple(photos))
 

@@ -127,11 +127,8 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
     frame. Transparent pixels are laid on white, or on black if the rest is bright. The photograph's notes say so.
     The pixel size is that of the file, if it states one in metres or inches other than the usual defaults (72 or 96
-    dpi). It may have `most` pixels.
-
-    Raises:
-        FileError: the file is missing, of an unsupported kind, damaged, cut short, or takes more work to decode than a
-            photograph.
+    dpi). It may have `most` pixels. Raises FileError: the file cannot be used, or takes more work to decode than a
+    photograph.
     """
     path = Path(path)
     with _open_image(path, most) as image:
@@ -202,7 +199,6 @@ def _pitch_mm(image: ImageFile) -> float | None:
 
 
 def _page(path: Path, image: ImageFile) -> tuple[int, int]:
-    """The first page of a TIFF that is not blank, and the number of pages, without smaller copies of a page."""
     whole = []
     for number in range(_MOST_PAGES):
         try:
@@ -278,7 +274,7 @@ def _decoded_by_opencv(path: Path, page: int) -> Decoded:
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
-    """Decode a page of a picture, (rows, cols) or (rows, cols, channels); None if it is damaged."""
+    """Decode a page, (rows, cols) or (rows, cols, channels); None if it is damaged."""
     from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()

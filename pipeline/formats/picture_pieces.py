@@ -83,7 +83,6 @@ def _gif_blocks(data: bytes) -> Iterator[int]:
 
 
 def _tiff_values(data: bytes) -> Iterator[int]:
-    """Number of entries of each directory, and of the values that a decoder reads one by one."""
     order = "big" if data[:2] == b"MM" else "little"
     big = b"+" in data[2:4]
     width, size, entry = (8, 8, 20) if big else (4, 2, 12)

@@ -192,7 +192,7 @@ def _is_profile(points: Points) -> bool:
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:
-    """Heights (rows, cols) and distances along x and y of points on a grid; None for points off a grid."""
+    """Heights (rows, cols) and pitches along x and y; None for points off a grid."""
     places, pitches = [], []
     for along in (points[:, 0], -points[:, 1]):
         gaps = np.diff(np.unique(along))
@@ -256,7 +256,7 @@ def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
 
 
 def _drawn_samples(places: Points, faces: Faces) -> float:
-    """Approximate number of samples that `draw_triangles` visits: those in each triangle, and the ends of its rows."""
+    """Approximate number of samples that `draw_triangles` visits."""
     a, b, c = (places[faces[:, k], :2] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     rows = np.ptp(places[:, 1][faces], axis=1)

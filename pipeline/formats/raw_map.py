@@ -37,7 +37,6 @@ class RawMap:
         bottom_first: the first row of `z` is the lowest one of the part, as a reader sees it.
         one_unit: heights and distances have one unit, as the coordinates of a mesh.
         rows_stated: the file states which row is first, or every writer of its format has the same one first.
-        soil: dirt on the part, on the grid of `z`; None where the file does not say.
         unit: unit that the file states for its heights; empty where the format alone or nothing does.
     """
 

@@ -53,15 +53,11 @@ def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]]
     """List the files of a folder, or of a glob and of the folders that it matches, sorted by name.
 
     A URL of a file gives that file. A folder of a web server ends in a slash; its files are the links on its page, and
-    its subfolders are not searched.
+    its subfolders are not searched. Raises FileError, MissingExtraError as `local_copies`.
 
     Returns:
         (folder, URLs of its files and of those below it) of every folder that is named, the files of a glob below an
         empty name; and the folders that were not searched, with the reason.
-
-    Raises:
-        FileError: no such place, or it cannot be listed.
-        MissingExtraError: a library that URLs need is not installed.
     """
     files = _file_system(url)
     with _as_file_errors(url):
@@ -219,7 +215,6 @@ def _limits(scheme: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _as_file_errors(url: str) -> Iterator[None]:
-    """Turn any error of a file system into a FileError; none may end a run."""
     try:
         yield
     except MarksError:

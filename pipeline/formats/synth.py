@@ -50,9 +50,8 @@ _STAMP_SETTINGS = (
 class SynthSpec(Stamping):
     """Settings of the parts to stamp, and the dirt on them. With two lines, the truth is the line in the format.
 
-    Raises:
-        SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
-        StampError: unknown practice, die, plate or layout.
+    Raises SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
+    StampError: unknown practice, die, plate or layout.
     """
 
     soiling: Soiling = field(default_factory=Soiling)
@@ -120,12 +119,9 @@ def write_parts(
 ) -> list[tuple[str, str]]:
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`; return (name, text) of each.
 
-    `each` calls a function with every number and gives the results in order, as `map` does.
-
-    Raises:
-        FileError: the folder is not empty and `overwrite` is off, or it cannot be written.
-        MapError: a photograph too large.
-        SettingsError: an invalid number of parts.
+    `each` calls a function with every number and gives the results in order, as `map` does. Raises FileError: the
+    folder is not empty and `overwrite` is off, or it cannot be written. MapError: a photograph too large.
+    SettingsError: an invalid number of parts.
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it must be between 1 and {MAX_PARTS:,}")

@@ -51,7 +51,7 @@ class TableLine:
     cells: tuple[str, ...]
 
     def cell(self, place: int) -> str:
-        """The text in a column; empty if the line ends before it."""
+        """Empty if the line ends before the column."""
         return self.cells[place] if place < len(self.cells) else ""
 
 
@@ -124,7 +124,7 @@ def _sheet_lines(path: Path) -> Iterator[TableLine]:
 
 
 def _text_of_cell(cell: Any) -> str:
-    """The text that a sheet shows: 000123 for the number 123 in the format 000000."""
+    """The text that a sheet shows: 000123 for 123 in the format 000000."""
     value = cell.value
     if isinstance(value, float) and value.is_integer():
         value = int(value)
@@ -136,7 +136,6 @@ def _text_of_cell(cell: Any) -> str:
 
 
 def _text_of(written: str) -> str:
-    """The text of a cell, without blanks and invisible signs around it; ="000123" gives 000123."""
     cell = written.strip().strip(INVISIBLE).strip()
     quoted = _KEPT_AS_TEXT.fullmatch(cell)
     return unescape_formula(cell if quoted is None else quoted[1])
@@ -220,7 +219,6 @@ def _detect_delimiter(lines: Iterator[str], *, comments: bool) -> tuple[Iterator
 
 
 def _evenness(lines: Sequence[str], delimiter: str) -> tuple[int, int]:
-    """Number of lines with as many cells as the first, and that number of cells; (0, 0) if the first has one."""
     try:
         rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
     except csv.Error:  # reported when the table is parsed

@@ -50,13 +50,7 @@ _IS_MISSING = re.compile(
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of the numbers in a text.
-
-    Attributes:
-        delimiter: between columns; None for blanks and tabs.
-        comma: the decimal sign is a comma.
-        first_line: first line of the numbers, from 0.
-    """
+    """Layout of the numbers in a text; without a `delimiter` blanks and tabs separate. `first_line` counts from 0."""
 
     delimiter: str | None
     comma: bool
@@ -64,7 +58,6 @@ class Layout:
     first_line: int
 
     def cells(self, line: str) -> list[str]:
-        """The columns of a line; an empty last cell is dropped if the table has one column fewer."""
         line = _C_NAN.sub("nan", _PHRASE.sub("nan", line.strip("\r\n ")))
         cells = line.split(self.delimiter)
         ends = self.delimiter is not None and not cells[-1].strip() and len(cells) != self.columns
@@ -76,8 +69,7 @@ class NumberTable:
     """A table of numbers.
 
     Attributes:
-        head: text before the numbers.
-        names: names of the columns, in lower case; empty if the last line of the head does not name them all.
+        names: of the columns, in lower case; empty if the last line of the head does not name them all.
         rows: (n, columns), NaN where a value is missing.
     """
 
@@ -125,7 +117,6 @@ def _number_table(text: str) -> NumberTable:
 
 
 def _decode(data: bytes) -> str:
-    """Decode the text, with one kind of line ends, without quotes and thousands separators."""
     text = data.decode(encoding_of(data[:_SNIFF_BYTES]), CP1252)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     if '"' in text[:_SNIFF_BYTES]:
@@ -365,8 +356,7 @@ class HeadEntry:
 
     Attributes:
         key: in lower case, with single blanks.
-        unit: unit of length; empty without one.
-        of: "sample" or "digit" if the unit is that of each sample or each step of the converter, else empty.
+        of: "sample" or "digit" if the unit of length is that of each sample or each step of the converter, else empty.
         word: text behind the number, or in its place.
     """
 
@@ -451,7 +441,6 @@ def _stated_pitches(
 
 
 def _xy_mm(entries: Sequence[HeadEntry]) -> float | None:
-    """Unit of distances that a heading states apart from their numbers, in mm."""
     named = (e.unit for keys in (_XY_UNIT_KEYS, _UNIT_KEYS) for e in entries if re.fullmatch(keys, e.key))
     return MM.get(next(named, ""))
 

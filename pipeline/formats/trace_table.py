@@ -48,7 +48,6 @@ class TraceTable:
     Attributes:
         columns: (rows,) float64 by name or number; NaN where a value is missing.
         first_line: line of the first row; 0 where the file has no lines.
-        rate_hz: rate given in the file, or 0.
         stamped: columns of time stamps, converted to seconds.
     """
 
@@ -64,11 +63,9 @@ class TraceTable:
         return next(iter(self.columns.values())).size
 
     def column(self, name: Column | None) -> NDArray[np.float64]:
-        """A column; zeros for one that was not requested."""
         return np.zeros(self.n_rows) if name is None else self.columns[name]
 
-    def at(self, row: int) -> str:
-        """The place of a row, for a message."""
+    def place(self, row: int) -> str:
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
@@ -79,17 +76,15 @@ class TraceTable:
         if lost.size:
             value = rows[lost[0]][~(np.abs(rows[lost[0]]) < OVERLOAD)][0]
             value_text = f"no {what}" if np.isnan(value) else f"the {what} {value:g}, an overload,"
-            raise DataError(f"has {value_text} {self.at(int(lost[0]))}", hint)
+            raise DataError(f"has {value_text} {self.place(int(lost[0]))}", hint)
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
     """Read the columns that the description names; time stamps are converted to seconds.
 
-    TDMS channels with another start or sampling rate than the first are resampled at its samples.
-
-    Raises:
-        DataError: the file is of another kind or damaged, lacks a column, or has a value that is not a number.
-        MissingExtraError: the library for TDMS is missing.
+    TDMS channels with another start or sampling rate than the first are resampled at its samples. Raises DataError: the
+    file is of another kind or damaged, lacks a column, or has a value that is not a number. MissingExtraError: the
+    library for TDMS is missing.
     """
     if path.suffix.lower() == ".tdms":
         return _tdms(path, layout.columns)
@@ -136,7 +131,6 @@ def second_of_day(written: str) -> float | None:
 
 
 def _is_units(line: TableLine, places: Sequence[int]) -> bool:
-    """Whether a line below the header names units: it has text, but no digit, in the wanted columns."""
     written = "".join(line.cell(place) for place in places)
     return bool(written) and not any(char.isdigit() for char in written)
 
@@ -168,7 +162,6 @@ def _number(line: TableLine, place: int, name: Column, names: Columns, decimal: 
 
 
 def _check_work(path: Path) -> None:
-    """Count segments and described objects of a TDMS file before the library reads them."""
     place = segments = objects = described = held = inherited = 0
     with path.open("rb") as file:
         while len(lead_in := file.read(28)) == 28 and lead_in.startswith(b"TDSm"):

@@ -28,7 +28,6 @@ class Columns(Strict, strict=True):
     """Columns of the quantities.
 
     Attributes:
-        moment: of each whisker's signal.
         x: of the stage's position, as y, in the plate frame, with y down the part.
         time: time in `time_unit`, or time stamps; `None`: the rate is known.
         lifted: not 0 where the array is lifted off; `None`: all samples touch.
@@ -60,9 +59,8 @@ class TracesFile(Strict, strict=True):
 
     Attributes:
         position_unit: unit of the position columns only; keys in mm stay in mm.
-        time_unit: unit of the time column, if it holds numbers.
         sampling_rate_hz: if there is neither a time column nor a TDMS channel with its increment.
-        lead_mm: run-in and run-out on bare land; 0 without any.
+        lead_mm: run-in and run-out on bare land.
         across_mm: lateral distance of each tip from the stage's position: towards +y in passes along x, towards +x in
             passes along y (default: 0).
         turns: the comb turns with the direction: across_mm is then to the right of the travel.

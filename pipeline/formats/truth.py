@@ -9,6 +9,7 @@ Parts in subfolders: the table may name tray-7/part-3 or part-3.jpg; the longest
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -19,9 +20,11 @@ from typing import TYPE_CHECKING
 
 from rapidfuzz.distance import Levenshtein
 
+from glyphs.errors import FileError
 from pipeline.common.names import folded
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_serial
+from pipeline.common.settings import SettingsError
 from pipeline.common.texts import first_of, without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import file_kind
@@ -50,10 +53,8 @@ class Accuracy:
 
     Attributes:
         edits: characters wrong, missing or too many, of all `characters` of the truth.
-        without_truth: number of parts that were read but have no truth.
         seen: names of the parts with a truth, as the table has them.
         wrong: parts with any error, as PART (TRUTH read as TEXT).
-        accepted_wrong: names of the accepted parts among these.
     """
 
     truth: PartTexts
@@ -86,7 +87,6 @@ class Accuracy:
         self.edits += distance
 
     def outside(self, grammar: Grammar, parts: Collection[str]) -> list[str]:
-        """The truths of these parts that do not fit the format, with the reason."""
         texts = {part: self.truth.text_of(part) or "" for part in parts}
         broken = {part: grammar.objections(text) for part, text in texts.items() if text}
         return [
@@ -193,6 +193,33 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
     return part_lines
 
 
+def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
+    """The value of `--verify`: a text of every part, or texts by part from a table (.csv, .xlsx or an existing file).
+
+    Raises FileError: the table is missing, or a text in it does not fit the grammar. SettingsError: the text is empty
+    or does not fit it.
+    """
+
+    def broken(text: str) -> str:
+        return "" if grammar is None else "; ".join(grammar.objections(text))
+
+    if not value.lower().endswith((".csv", ".xlsx")) and not os.path.isfile(value):
+        if not value.strip():
+            hint = "give the text that the part should read, or a CSV table"
+            raise SettingsError("--verify is empty", hint=hint)
+        if broken(value):
+            raise SettingsError(f"--verify is {value!r}, but {broken(value)}", hint="correct it or --format")
+        return value.strip()
+    path = Path(value)
+    table = load_truth(path)
+    for part, text in table.items():
+        if not text:
+            raise FileError(path, f"gives no text for {part}", "give it, or leave the part out")
+        if broken(text):
+            raise FileError(path, f"{part} should read {text!r}, but {broken(text)}", "correct one of them")
+    return table
+
+
 def part_name(cell: str) -> str:
     """The part that a cell names, directly or by a file name or path of any system."""
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
@@ -210,11 +237,8 @@ _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
     """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099.
 
-    A range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do.
-
-    Raises:
-        FileError: the file is missing or not text, no single column holds the serials, a cell is not a serial, or a
-            range is invalid; names the line.
+    A range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do. Raises
+    FileError: it is not text, no single column holds the serials, a cell is not a serial, or a range is invalid.
     """
     with reading(path, most_bytes=_MOST_BYTES):
         column, lines = _serials_column(list(table_lines(path, comments=True)))
@@ -256,7 +280,6 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
 def _dashed_range(
     line: TableLine, cell: str, grammar: Grammar | None
 ) -> tuple[NumberedSerial, NumberedSerial] | None:
-    """The ends of a range that is written with a dash; None for a serial. An ambiguous cell is refused."""
     for dash in _DASH.finditer(cell):
         first, last = cell[: dash.start()], cell[dash.end() :]
         low, high = split_serial(first), split_serial(last)

@@ -38,7 +38,7 @@ MOST_RIVALS = 3
 def reading_record(
     reading: Reading, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
 ) -> ReadingRecord:
-    """Make the record of a reading with the verdict, if any; settings, grammar and seconds are those of the reading."""
+    """Make the record of a reading; settings, grammar and seconds are those of the reading."""
     from recognition.decide.decision import bench_faults
     from recognition.decide.reasons import reasons_of
 
@@ -71,8 +71,8 @@ def reading_record(
         expected="" if verification is None else verification.expected,
         verify_probability=None if verification is None else _share(verification.probability),
         rivals=rivals_of(reading, reading.trace.lattice, grammar),
-        lines=tuple(_line(one, scaled) for one in reading.others),
-        codes=tuple(_code(one, reading.text, scaled) for one in reading.codes),
+        lines=tuple(_line(line, scaled) for line in reading.others),
+        codes=tuple(_code(code, reading.text, scaled) for code in reading.codes),
         fields=tuple(FieldRecord(name, value) for name, value in reading.fields.items()),
         photos=reading.photos,
         program=program_version(),
@@ -89,17 +89,17 @@ def _passes(log: PassLog, usual_preload_mm: float) -> tuple[PassRecord, ...]:
     spent = itertools.accumulate(p.order.stage_s for p in log.passes)
     return tuple(
         PassRecord(
-            direction_deg=int(one.order.direction),
-            line_mm=tuple(round(v, 4) for v in one.order.line_mm),
-            along_mm=(round(one.order.along_mm[0], 4), round(one.order.along_mm[1], 4)),
-            speed_mm_s=one.order.speed_mm_s,
-            preload_mm=usual_preload_mm if one.order.preload_mm is None else one.order.preload_mm,
+            direction_deg=int(felt.order.direction),
+            line_mm=tuple(round(v, 4) for v in felt.order.line_mm),
+            along_mm=(round(felt.order.along_mm[0], 4), round(felt.order.along_mm[1], 4)),
+            speed_mm_s=felt.order.speed_mm_s,
+            preload_mm=usual_preload_mm if felt.order.preload_mm is None else felt.order.preload_mm,
             stage_s=round(stage_s, 3),
-            why=one.why,
-            text=one.text,
-            confidence=_share(one.confidence),
+            why=felt.why,
+            text=felt.text,
+            confidence=_share(felt.confidence),
         )
-        for one, stage_s in zip(log.passes, spent, strict=True)
+        for felt, stage_s in zip(log.passes, spent, strict=True)
     )
 
 

@@ -20,19 +20,17 @@ class BenchWatch:
         self.parts = 0
 
     def add(self, faults: Sequence[str]) -> bool:
-        """Add one scanned part with its faults, such as "whisker 3, dead whisker: gives ..."; whether that raises a new
-        alert."""
+        """Add a scanned part's faults, such as "whisker 3, dead whisker: gives ..."; whether they raise a new alert."""
         before = self.message()
         self._latest.append({text.partition(":")[0]: text for text in faults})
         self.parts += 1
         return bool(self.message()) and not before
 
     def status(self) -> str | None:
-        """The message; None before the first scanned part."""
+        """None before the first scanned part."""
         return self.message() if self.parts else None
 
     def message(self) -> str:
-        """Message about the current faults, as in the latest part that shows each; empty if there is no fault."""
         count = Counter(name for part in self._latest for name in part)
         latest = {name: text for part in self._latest for name, text in part.items()}
         return "; ".join(latest[name] for name in sorted(count) if count[name] >= SHOWN_BY)

@@ -43,11 +43,8 @@ class Certificate:
         made_at: UTC.
         risk: largest permitted share of wrong readings among the accepted.
         confidence: confidence level of that statement.
-        threshold: least confidence for acceptance.
-        sources: of the readings: "tactile", "vision", "fused".
         parts: number of parts with a known truth, of which `accepted` were accepted and `wrong` of these wrong.
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
-        kind: measures of the parts.
         data_sha256: hash of the parts' files and true texts.
         settings: read settings that differ from the defaults; files are given by their hash.
         versions: of program and libraries, and hashes of the networks.
@@ -96,13 +93,14 @@ class Certificate:
 
     @property
     def acceptance(self) -> CertifiedAcceptance:
-        """Threshold and sources that the certificate covers."""
         return CertifiedAcceptance(self.threshold, self.sources)
 
     def thresholds(self) -> dict[str, Any]:
         """Acceptance options of `recognition.Reader` for a reader with the certified settings."""
-        own = {name: self.settings[name] for name in ("accept_risk", "orientation") if name in self.settings}
-        return {**own, "certified": self.acceptance}
+        options = {
+            name: self.settings[name] for name in ("accept_risk", "orientation") if name in self.settings
+        }
+        return {**options, "certified": self.acceptance}
 
     def describe(self) -> str:
         return (
@@ -124,62 +122,60 @@ def load_certificate(path: Path) -> Certificate:
     """Load a certificate. Raises FileError: there is no such file, or it is not a certificate of this format."""
     require_file(path, most_bytes=_MOST_BYTES)
     try:
-        made: Certificate = TypeAdapter(Certificate).validate_json(path.read_bytes())
+        certificate: Certificate = TypeAdapter(Certificate).validate_json(path.read_bytes())
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(step) for step in first["loc"])
         why = f"{place}: {first['msg']}" if place else first["msg"]
         raise FileError(path, f"is not a certificate of this program ({why})", _AGAIN) from error
-    if made.format_version != FORMAT_VERSION:
+    if certificate.format_version != FORMAT_VERSION:
         raise FileError(
-            path, f"has format version {made.format_version}; this program reads {FORMAT_VERSION}", _AGAIN
+            path,
+            f"has format version {certificate.format_version}; this program reads {FORMAT_VERSION}",
+            _AGAIN,
         )
-    return made
+    return certificate
 
 
 def certificate_of(settings: ReadSettings) -> Certificate | None:
     """Load the certificate that the settings name, and check it against program and settings; None without one.
 
-    Raises:
-        FileError: the file is not a certificate.
-        SettingsError: it was made with another program, other networks or other settings.
+    Raises FileError: the file is not a certificate. SettingsError: it was made with another program, other networks or
+    other settings.
     """
     if settings.certificate is None:
         return None
-    made = valid_certificate(settings.certificate)
-    differ = differences(made.settings, settings_described(settings))
+    certificate = valid_certificate(settings.certificate)
+    differ = differences(certificate.settings, settings_described(settings))
     if differ:
         raise SettingsError(
             f"the certificate {settings.certificate} was made with other settings ({differ})",
             hint="read with the certified settings, or certify again with these",
         )
-    return made
+    return certificate
 
 
 def valid_certificate(path: Path) -> Certificate:
     """Load a certificate. Raises FileError: it is none. SettingsError: it is of another program or networks."""
-    made = load_certificate(path)
-    differ = differences(made.versions, reader_versions())
+    certificate = load_certificate(path)
+    differ = differences(certificate.versions, reader_versions())
     if differ:
         raise SettingsError(
             f"the certificate {path} is not valid for this program ({differ})", hint="certify again"
         )
-    return made
+    return certificate
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """Certified acceptance of a reader, of no sources if the settings are not the certified ones; None without a
-    certificate.
+    """Certified acceptance, of no sources if the settings are not the certified ones; None without a certificate.
 
-    Raises:
-        FileError: the file is not a certificate.
-        SettingsError: it was made with another program or other networks.
+    Raises FileError: the file is not a certificate. SettingsError: it was made with another program or other networks.
     """
     if settings.certificate is None:
         return None
-    made = valid_certificate(settings.certificate)
-    same = not differences(made.settings, settings_described(settings))
-    return made.acceptance if same else replace(made.acceptance, sources=())
+    certificate = valid_certificate(settings.certificate)
+    same = not differences(certificate.settings, settings_described(settings))
+    return certificate.acceptance if same else replace(certificate.acceptance, sources=())
 
 
 def settings_described(settings: ReadSettings) -> dict[str, Any]:

@@ -37,14 +37,14 @@ class KindOfParts:
     @classmethod
     def of(cls, parts: Collection[Mapping[Measure, float]], *, most_kept: int = 200) -> KindOfParts:
         """Compute the distributions, at most `most_kept` values each, of measures that LEAST_PARTS or more have."""
-        found = {}
+        quantiles = {}
         for name in Measure:
             values = np.sort([part[name] for part in parts if name in part])
             if values.size > most_kept:
                 values = np.quantile(values, (np.arange(most_kept) + 0.5) / most_kept)
             if values.size >= LEAST_PARTS:
-                found[name] = tuple(float(f"{v:.6g}") for v in values)
-        return cls(found)
+                quantiles[name] = tuple(float(f"{v:.6g}") for v in values)
+        return cls(quantiles)
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,12 @@ def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tup
     """
     from scipy.stats import ks_2samp
 
-    found = []
+    differing = []
     for name, certified in kind.values.items():
         now = [part[name] for part in parts if name in part]
         if min(len(now), len(certified)) < LEAST_PARTS:
             continue
         p = float(ks_2samp(now, certified).pvalue)
         if p * len(kind.values) < P_VALUE:
-            found.append(Unlike(name, float(np.median(certified)), float(np.median(now)), p, len(now)))
-    return tuple(sorted(found, key=lambda one: one.p))
+            differing.append(Unlike(name, float(np.median(certified)), float(np.median(now)), p, len(now)))
+    return tuple(sorted(differing, key=lambda measure: measure.p))

@@ -35,11 +35,6 @@ class DriftWatch:
     """Running comparison of the latest `window` parts with those of a certificate; threads may share it.
 
     A comparison takes some tenths of a second, the first one seconds, as it imports SciPy's statistics.
-
-    Attributes:
-        found: differences at the last comparison; empty if there are none.
-        parts: number of parts checked so far.
-        first: message of the first difference found; empty if there was none.
     """
 
     window = WINDOW
@@ -73,7 +68,6 @@ class DriftWatch:
         return bool(self.found) and not before
 
     def message(self) -> str:
-        """Message about the differences; empty if there are none."""
         if not self.found:
             return ""
         return (

@@ -49,14 +49,11 @@ class EnrolReport:
 
     Attributes:
         enrolled: (part, characters taken) of each new part.
-        known: parts that were enrolled before.
         set_aside: exemplars kept but not used, since they disagree with the character or with others of it.
-        exemplars: number of exemplars that the font uses.
         felt: characters learned from touch.
         never_felt: letters and digits taken from the nearest known font.
         trusted: whether that font is near enough for these not to count as guesses.
-        like: the nearest known font.
-        likeness: mean correlation with the fitted shapes of that font.
+        likeness: mean correlation with the fitted shapes of that font, `like`.
         agreement: share of exemplars that agree with others of their character.
     """
 
@@ -79,8 +76,8 @@ class EnrolReport:
         lines = [f"{self.font}: {taken} characters of {len(self.enrolled)} parts enrolled{known}"]
         lines += [f"refused {r.part}: {r.why}" for r in self.refused]
         if self.exemplars:
-            kept = self.exemplars + len(self.set_aside)
-            lines.append(f"{self.exemplars} of {kept} used, for the shapes of {self.felt}")
+            n_exemplars = self.exemplars + len(self.set_aside)
+            lines.append(f"{self.exemplars} of {n_exemplars} used, for the shapes of {self.felt}")
             lines.append(f"nearest font: {self.like} ({self.likeness:.2f})")
         if self.set_aside:
             lines.append(f"set aside, unlike the character or others of it: {_by_character(self.set_aside)}")
@@ -108,8 +105,6 @@ def enrol(
 
     Args:
         parts: parts with confirmed texts in `expected`; a scan is preferred to a height map.
-        font: name of the font to be learned; a new one, or one learned before.
-        settings: fonts, character height.
         vouching: whether the nearest known font may vouch for characters with few exemplars: see `learn_font`.
         each: calls a function with every part and gives the results in order, as `map` does.
 
@@ -214,18 +209,18 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
 
 
 def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
-    kept: list[Exemplar] = []
+    youngest: list[Exemplar] = []
     count: Counter[str] = Counter()
     for exemplar in reversed(exemplars):
         count[exemplar.char] += exemplar.font_name == font
         if exemplar.font_name != font or count[exemplar.char] <= MOST_EXEMPLARS:
-            kept.append(exemplar)
-    return kept[::-1]
+            youngest.append(exemplar)
+    return youngest[::-1]
 
 
 def _by_character(set_aside: Sequence[Exemplar]) -> str:
     """`C 1 (part-3 place 2), 8 2 (part-1 place 4, part-7 place 1)`."""
     where: dict[str, list[str]] = {}
-    for one in sorted(set_aside, key=lambda one: (one.char, one.part, one.place)):
-        where.setdefault(one.char, []).append(f"{one.part} place {one.place}")
+    for exemplar in sorted(set_aside, key=lambda exemplar: (exemplar.char, exemplar.part, exemplar.place)):
+        where.setdefault(exemplar.char, []).append(f"{exemplar.part} place {exemplar.place}")
     return ", ".join(f"{char} {len(places)} ({', '.join(places)})" for char, places in where.items())

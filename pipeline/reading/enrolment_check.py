@@ -18,12 +18,7 @@ from pipeline.reading.part_job import PartJob, reading_of
 
 @dataclass(frozen=True)
 class HeldOutCheck:
-    """Errors on parts that were read with shapes learned from other parts.
-
-    Attributes:
-        edits: wrong, missing and added characters, read with the learned font.
-        edits_without: the same, read without it.
-    """
+    """Errors on parts that were read with shapes learned from other parts, and without them."""
 
     parts: int
     characters: int
@@ -35,7 +30,6 @@ class HeldOutCheck:
         return self.edits > self.edits_without
 
     def describe(self) -> str:
-        """The result in one line, and a warning if the font does not help."""
         line = (
             f"held out: {self.parts} parts read with shapes learned from the others: "
             f"{self.edits} of {self.characters} characters wrong, {self.edits_without} without the font"
@@ -54,14 +48,10 @@ def check_held_out(
     fewest_parts: int = 6,
     most_parts: int = 20,
 ) -> HeldOutCheck | None:
-    """Read parts with a font learned from other parts of the same die, and without it; None if too little can be
-    learned.
+    """Read reviewed parts with a font learned from other parts of the same die, and without it; None for too few parts.
 
-    Args:
-        parts: reviewed parts with their texts.
-        database: the database that they were enrolled into, with the learned font.
-        fewest_parts: least number of parts; half of fewer would teach too little.
-        most_parts: most parts that are read; more would only take longer.
+    The database holds the learned font. Of fewer parts than `fewest_parts` half would teach too little; more than
+    `most_parts` would only take longer.
     """
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:
@@ -84,8 +74,8 @@ def check_held_out(
 
 def _copy_without(database: Path, copy: Path, font: str) -> None:
     held = load_database(database)
-    fonts = {name: one for name, one in held.fonts.items() if name != font}
-    exemplars = tuple(one for one in held.exemplars if one.font_name != font)
+    fonts = {name: held_font for name, held_font in held.fonts.items() if name != font}
+    exemplars = tuple(exemplar for exemplar in held.exemplars if exemplar.font_name != font)
     save_database(replace(held, fonts=fonts, exemplars=exemplars), copy)
 
 

@@ -15,9 +15,8 @@ from pipeline.reading.sender_names import sender_names
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
     """Call `measure_golden` for a file that was sent; errors name it as its sender does.
 
-    Raises:
-        FileError: the scan cannot be used.
-        OwnFileError: the relief, or another file of this machine, cannot be used; FaultError: a fault of this program.
+    Raises FileError: the scan cannot be used. OwnFileError: the relief, or another file of this machine, cannot be
+    used. FaultError: a fault of this program.
     """
     with sender_names(scan.parent, {str(scan): called}):
         return measure_golden(scan, relief.absolute())
@@ -26,11 +25,8 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     """Measure the state of the whiskers from a recording (.h5) of a part of known relief.
 
-    Args:
-        relief: the part's height map, or the TOML of a test piece, with its corner at the origin of the scan's frame.
-
-    Raises:
-        FileError: either cannot be used, or the scan does not fit the relief.
+    The relief, a height map or the TOML of a test piece, has its corner at the origin of the scan's frame. Raises
+    FileError: either cannot be used, or the scan does not fit the relief.
     """
     # imported here: the service itself does not measure, its workers do
     from pipeline.formats.whisker_file import heights_of_piece, read_piece
@@ -41,10 +37,10 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     with naming(relief):
         heights = heights_of_piece(read_piece(relief))
     with naming(scan):
-        found = identify(recording, heights, whisker=recording.touch, tip_sd=WORN_TIP)
-    whiskers = np.array(found.whiskers)
+        fitted = identify(recording, heights, whisker=recording.touch, tip_sd=WORN_TIP)
+    whiskers = np.array(fitted.whiskers)
     gains = len(Unknown) + whiskers
-    mean = np.zeros(found.before.size)
+    mean = np.zeros(fitted.before.size)
     mean[gains] = 1.0 / gains.size
     land = abs(recording.touch.land_moment_n_mm())
     air = [
@@ -52,7 +48,7 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     ]
     measures = {
         GoldenMeasure.GAIN: Measured(
-            float(found.bench.gain[whiskers].mean()), float(np.sqrt(mean @ found.repeated @ mean))
+            float(fitted.bench.gain[whiskers].mean()), float(np.sqrt(mean @ fitted.repeated @ mean))
         )
     }
     if air:
@@ -62,8 +58,8 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
         measures[GoldenMeasure.ZERO] = Measured(
             float(zeros[:, worst].mean()), float(zeros[:, worst].std() / np.sqrt(len(zeros)))
         )
-    sd = dict(zip(Unknown, np.sqrt(np.diag(found.repeated)), strict=False))
+    sd = dict(zip(Unknown, np.sqrt(np.diag(fitted.repeated)), strict=False))
     for name in (GoldenMeasure.RADIUS, GoldenMeasure.FRICTION, GoldenMeasure.PRELOAD):
         unknown = Unknown(name.value)
-        measures[name] = Measured(found.bench[unknown], float(sd[unknown]))
+        measures[name] = Measured(fitted.bench[unknown], float(sd[unknown]))
     return measures

@@ -67,44 +67,44 @@ def identify_recording(
         return identify(scan, heights, whisker=known), drawn
 
 
-def table_of(found: Identified) -> list[str]:
+def table_of(fit: Identified) -> list[str]:
     """Every number with its interval, and the numbers that the recording does not determine, in lines of text."""
-    with_drawing = found.nominal[Unknown.L1] > 0.0
+    with_drawing = fit.nominal[Unknown.L1] > 0.0
     lines = [f"{'':15}{'found':>10}{'95 %':>12}{'as drawn':>11}   what it is"]
     names = [name for name in Unknown if with_drawing or name not in DRAWN]
-    lines += [_line(name.value, *found.of(name), found.nominal[name], _MEANINGS[name]) for name in names]
-    for whisker in found.whiskers:
-        gain, sd = float(found.bench.gain[whisker]), float(found.sd[len(Unknown) + whisker])
+    lines += [_line(name.value, *fit.of(name), fit.nominal[name], _MEANINGS[name]) for name in names]
+    for whisker in fit.whiskers:
+        gain, sd = float(fit.bench.gain[whisker]), float(fit.sd[len(Unknown) + whisker])
         lines.append(_line(f"gain {whisker}", gain, sd, 1.0, digits=".4f"))
-    unused = [str(whisker) for whisker in range(found.bench.gain.size) if whisker not in found.whiskers]
+    unused = [str(whisker) for whisker in range(fit.bench.gain.size) if whisker not in fit.whiskers]
     if unused:
         lines.append(f"not identified, no usable line over the piece: whisker {', '.join(unused)}")
-    if with_drawing and found.drawn is not None:
-        stiffness = partial(_stiffness, whisker=found.drawn)
-        numbers = (stiffness(found.bench), found.sd_of(stiffness), stiffness(found.nominal))
+    if with_drawing and fit.drawn is not None:
+        stiffness = partial(_stiffness, whisker=fit.drawn)
+        numbers = (stiffness(fit.bench), fit.sd_of(stiffness), stiffness(fit.nominal))
         lines.append(_line("tip, N/mm", *numbers, "stiffness of the tip, upwards"))
-    lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.scatter_n_mm:.3g} mN mm of scatter")
-    if found.misfit > _MISFIT:
+    lines.append(f"{len(fit.traces)} lines fitted, {1000.0 * fit.scatter_n_mm:.3g} mN mm of scatter")
+    if fit.misfit > _MISFIT:
         lines.append(
-            f"warning: the fit leaves {found.misfit:.1f} times the scatter: the piece, the drawing or the bench"
+            f"warning: the fit leaves {fit.misfit:.1f} times the scatter: the piece, the drawing or the bench"
             " is not as assumed, and the intervals are too narrow"
         )
-    if not found.settled:
+    if not fit.settled:
         lines.append("warning: the fit has not converged; check the figure before you trust it")
-    lines += [f"known only in combination: {', '.join(group)}" for group in confounded(found)]
-    if open_ := [name for name in undetermined(found) if name in names]:
+    lines += [f"known only in combination: {', '.join(group)}" for group in confounded(fit)]
+    if open_ := [name for name in undetermined(fit) if name in names]:
         lines.append(f"not determined by this recording: {', '.join(open_)}; {_REMEDY}")
     return lines
 
 
-def undetermined(found: Identified, *, open_share: float = 0.7) -> tuple[Unknown, ...]:
+def undetermined(fit: Identified, *, open_share: float = 0.7) -> tuple[Unknown, ...]:
     """Numbers whose standard deviation stays above the share `open_share` of the prior one."""
-    names = [name for k, name in enumerate(Unknown) if found.sd[k] > open_share * found.before[k]]
+    names = [name for k, name in enumerate(Unknown) if fit.sd[k] > open_share * fit.before[k]]
     return tuple(names)
 
 
 def confounded(
-    found: Identified, *, open_share: float = 0.25, least_part: float = 0.3
+    fit: Identified, *, open_share: float = 0.25, least_part: float = 0.3
 ) -> tuple[tuple[str, ...], ...]:
     """Find groups of numbers that are known only in combination; the gains count as one.
 
@@ -115,10 +115,10 @@ def confounded(
         open_share: share of the prior standard deviation above which a combination counts as open.
         least_part: least component of a unit direction for a number to count as part of it.
     """
-    scaled = found.covariance / np.outer(found.before, found.before)
-    felt = [*range(len(Unknown)), *(len(Unknown) + whisker for whisker in found.whiskers)]
+    scaled = fit.covariance / np.outer(fit.before, fit.before)
+    felt = [*range(len(Unknown)), *(len(Unknown) + whisker for whisker in fit.whiskers)]
     values, vectors = np.linalg.eigh(scaled[np.ix_(felt, felt)])
-    names = [*(name.value for name in Unknown), *(_GAINS for _ in found.whiskers)]
+    names = [*(name.value for name in Unknown), *(_GAINS for _ in fit.whiskers)]
     groups: list[tuple[str, ...]] = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < open_share**2:
@@ -141,21 +141,21 @@ def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
     return float(1.0 / bench.touch(whisker).tip.compliance_mm_per_n[1, 1])
 
 
-def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
+def write_found(path: Path, fit: Identified, drawn: WhiskerFile) -> None:
     """Write the identified whisker, with the drawing's raster and character height. Raises FileError: it cannot be
     written."""
-    whisker = found.bench.whisker(drawn.whisker)
-    touch = found.bench.touch(drawn.whisker)
-    write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))
+    whisker = fit.bench.whisker(drawn.whisker)
+    touch = fit.bench.touch(drawn.whisker)
+    write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(fit)))
 
 
-def prediction_lines(found: Sequence[Prediction], *, measured: bool = True) -> list[str]:
+def prediction_lines(figures: Sequence[Prediction], *, measured: bool = True) -> list[str]:
     """Figures of the whisker in lines of text, with their uncertainty if it was measured."""
     lines = [f"{'as identified':32}{'':>10}{'95 %':>12}" if measured else "as drawn"]
-    for one in found:
-        if math.isnan(one.value):
-            lines.append(f"{one.what:32}{'jams':>10}")
+    for figure in figures:
+        if math.isnan(figure.value):
+            lines.append(f"{figure.what:32}{'jams':>10}")
             continue
-        within = "may jam" if math.isnan(one.sd) else f"+-{_WIDE * one.sd:.2g}" if measured else ""
-        lines.append(f"{one.what:32}{one.value:10.4g}{within:>12}".rstrip())
+        within = "may jam" if math.isnan(figure.sd) else f"+-{_WIDE * figure.sd:.2g}" if measured else ""
+        lines.append(f"{figure.what:32}{figure.value:10.4g}{within:>12}".rstrip())
     return lines

@@ -64,7 +64,6 @@ class Wants:
     Attributes:
         pictures: of every part, or of those to review.
         measures: with a certificate they are returned anyway.
-        digest: hash of the files' contents.
         camera: the camera's own reading before a fused one, and the plan for touch if the camera is unsure.
     """
 
@@ -79,8 +78,7 @@ class PartJob:
     """A part to read, with all that its reading depends on; without files, the job of many parts.
 
     Attributes:
-        files: files of the part; its own format and font override those of the settings.
-        expected: text that the part should read; empty if none is known.
+        files: its own format and font override those of the settings.
         limits: size limits, checked from the files' headers before anything is decoded.
         felt: reading of its scan, if it was read during active touch.
         retake: simulated second measurement, in place of the files' content.
@@ -114,9 +112,8 @@ class PartJob:
     def open_reader(self) -> Reader:
         """The reader of this job, cached by settings and content of the files that they name.
 
-        Raises:
-            FileError: a lexicon, certificate or database cannot be used.
-            MarksError: settings contradict each other, or a font cannot be used.
+        Raises FileError: a lexicon, certificate or database cannot be used. MarksError: settings contradict each other,
+        or a font cannot be used.
         """
         from pipeline.reading.readers import reader_of
 
@@ -164,7 +161,6 @@ def read_part(job: PartJob, reader: Reader) -> ReadPart:
 
 
 def _read(job: PartJob, reader: Reader) -> tuple[Reading, str]:
-    """The reading of a part, and the hash of its files and its entry in the list of parts if it is wanted."""
     from pipeline.formats.remote import local_copies
     from pipeline.reading.part_reader import PartReader
 
@@ -209,7 +205,7 @@ def read_listed(job: PartJob, files: PartFiles) -> ReadPart:
 
 
 def lost_part(files: PartFiles, error: Exception) -> ReadPart:
-    """The result of a part that no worker could read, with the reason."""
+    """The result of a part that no worker could read."""
     reason = " ".join(str(error).split()) or type(error).__name__
     return ReadPart((ReadingRecord.failed(files.name, f"{_first_file(files)}: {reason}; try it alone"),))
 
@@ -275,10 +271,8 @@ def read_sent(job: PartJob) -> ReadPart:
     earlier photo + scan (map) -> fused            the photograph of an earlier job
     earlier photo + stage      -> fused            scanned pass by pass, see `read_on_stage`
 
-    Raises:
-        FileError: a file that was sent, or the expected text, cannot be used.
-        OwnFileError: a file of the settings, or this machine, cannot be used now.
-        ValueError: the job has no file to read, or an earlier photograph without touch.
+    Raises FileError: a file that was sent, or the expected text, cannot be used. OwnFileError: a file of the settings,
+    or this machine, cannot be used now. ValueError: no file to read, or an earlier photograph without touch.
     """
     if not job.files.felt and (job.earlier or not job.files.photo):
         raise ValueError(
@@ -321,8 +315,7 @@ def check_settings(settings: ReadSettings) -> None:
 
 
 def _own_reader(job: PartJob) -> Reader:
-    """The reader of a job of the service, with a time limit. Raises OwnFileError: it cannot be opened; all its files
-    are ours."""
+    """A reader with the service's time limit; all its files are ours. Raises OwnFileError: it cannot be opened."""
     if job.settings.limit_s is None:
         job = replace(job, settings=job.settings.model_copy(update={"limit_s": SENT_LIMIT_S}))
     try:

@@ -44,9 +44,9 @@ class Picture:
 
 def pictures_of(reading: Reading, *, photo: bool = True) -> tuple[Picture, ...]:
     """Pictures of a part: its photograph, if wanted, and the edge map of touch, as far as available."""
-    made = [photo_picture(reading.trace.photo)] if photo and reading.trace.photo is not None else []
+    photos = [photo_picture(reading.trace.photo)] if photo and reading.trace.photo is not None else []
     edges = None if reading.touch is None else reading.touch.trace.edge_map
-    return (*made, *([] if edges is None else [edges_picture(edges)]))
+    return (*photos, *([] if edges is None else [edges_picture(edges)]))
 
 
 def photo_picture(photo: Photo) -> Picture:
@@ -90,9 +90,11 @@ def _strongest(size: NDArray[np.float32], valid: NDArray[np.bool_]) -> float:
 
 def _diverging() -> NDArray[np.uint8]:
     """(256, 3) blue to white to red, as OpenCV orders colours."""
-    at = np.array([0.0, 127.5, 255.0])
+    values = np.array([0.0, 127.5, 255.0])
     stops = np.array([_BLUE, _WHITE, _RED], dtype=np.float64)[:, ::-1]
-    return np.stack([np.interp(np.arange(256), at, stops[:, k]) for k in range(3)], axis=1).astype(np.uint8)
+    return np.stack([np.interp(np.arange(256), values, stops[:, k]) for k in range(3)], axis=1).astype(
+        np.uint8
+    )
 
 
 def _encode(
@@ -104,7 +106,6 @@ def _encode(
     pitch_mm: float,
     least: int = 0,
 ) -> Picture:
-    """Encode a picture, scaled to at least `least` pixels in width and at most `MOST_PIXELS_A_SIDE` on either side."""
     from glyphs.opencv import cv2
 
     shape = pixels.shape[:2]

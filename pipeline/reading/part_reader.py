@@ -61,7 +61,7 @@ MOST_SCAN_SAMPLES = 60_000_000
 
 
 class PartReader:
-    """Reads parts from their files."""
+    """Reads parts from their files; `limits` are checked from their headers before anything is decoded."""
 
     def __init__(
         self,
@@ -70,7 +70,6 @@ class PartReader:
         *,
         limits: Limits | None = None,
     ) -> None:
-        """Make the part reader; `limits` are checked from the files' headers before anything is decoded."""
         self.settings = settings or ReadSettings()
         self.reader, self.mode, self.limits = reader, self.settings.mode, limits
         self.budget_s = self.settings.touch_budget_s
@@ -89,7 +88,6 @@ class PartReader:
         Args:
             again: simulated second measurement, in place of the files' content.
             felt: reading of its scan, if it was read during active touch.
-            notes: notes on the part.
 
         Raises:
             FileError: a file of the part cannot be used.
@@ -182,7 +180,7 @@ def surface_of(top: PartMap, part_id: str = "", *, feel: Feel | None = None) -> 
 
 def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:
     """A function that mounts a surface on the simulated stage."""
-    from pipeline.reading.framed_session import FramedSession
+    from pipeline.reading.scan_plan import FramedSession
     from recognition.see.virtual_bench import VirtualBench
 
     def open_stage(

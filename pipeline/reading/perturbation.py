@@ -40,8 +40,7 @@ class Perturbation:
 
     Attributes:
         shift: of the traced lines, in line pitches, along x and y.
-        light: share by which the photograph is brighter or darker.
-        scale: share by which the part is larger or smaller.
+        light, scale: shares by which the photograph is brighter or darker, and the part larger or smaller.
         reordered: directions and passes are in reverse order.
         drawn: shift, light and scale are drawn at random, with these as the largest values.
     """
@@ -79,11 +78,7 @@ REMOUNTED = Perturbation("remounted", shift=1.0, noise=True, light=0.06, scale=0
 
 @dataclass(frozen=True)
 class Retake:
-    """A simulated second measurement of a part, drawn from a seed.
-
-    Attributes:
-        array: seed of the sensors' gains and offsets, if one array measures several times (default: `seed`).
-    """
+    """A simulated second measurement; `array` is the seed of gains and offsets if one array measures several times."""
 
     how: Perturbation
     seed: int
@@ -157,7 +152,7 @@ class Retake:
         return replace(sweep, plan=placed, moment_n_mm=moment)
 
     def _either_way(self, number: int) -> float:
-        """Share of a change, -1 to 1: random, or the whole change in one direction."""
+        """From -1 to 1: random, or the whole change in one direction."""
         if self.how.drawn:
             return float(np.random.default_rng((self.seed, number)).uniform(-1.0, 1.0))
         return 1.0 if self.seed % 2 else -1.0

@@ -42,11 +42,11 @@ def predictions(
         except WhiskerError:
             return math.nan
 
-    made = []
+    figures = []
     for what, quantity in {**_ALWAYS, **(more or {})}.items():
         sd = first_order_sd(lambda i, off: of(quantity, known.names[i], off), known.sd, known.covariance)  # noqa: B023
-        made.append(Prediction(what, of(quantity), sd))
-    return tuple(made)
+        figures.append(Prediction(what, of(quantity), sd))
+    return tuple(figures)
 
 
 def _factor(alpha_deg: float) -> Quantity:

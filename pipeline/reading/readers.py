@@ -20,6 +20,8 @@ from pipeline.errors import OwnFileError
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
+    from glyphs.soiling.soil import Soil
+    from glyphs.surface.maps import HeightMap
     from recognition.find.request import LineFormat
     from recognition.reader import Reader
     from recognition.see.virtual_array import VirtualArray
@@ -31,12 +33,8 @@ MOST_KEPT = 8
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
     """The reader for these settings and the present content of the files that they name.
 
-    Args:
-        after_photo: whether scans cover only the line that the camera saw, so that regions do not apply.
-
-    Raises:
-        FileError: the lexicon cannot be used.
-        ValueError: the database or a font cannot be used.
+    `after_photo`: scans cover only the line that the camera saw, so that regions do not apply. Raises FileError: the
+    lexicon cannot be used. ValueError: the database or a font cannot be used.
     """
     # a file that is not there is reported when the reader is opened
     return _cached_reader(settings, tuple(map(stamp_if_there, files_of(settings))), after_photo)
@@ -54,11 +52,9 @@ def open_reader(settings: ReadSettings) -> Reader:
     With a glyph database its fonts are used, or those of them that `font` names. Other names in `font` are built-in
     fonts or font files.
 
-    Raises:
-        FileError: the lexicon or certificate cannot be used.
-        MarksError: no sense in use keeps the accepted risk.
-        SettingsError: settings contradict each other.
-        ValueError: a font cannot be used or lacks characters of the format, or the database cannot be used.
+    Raises FileError: the lexicon or certificate cannot be used. MarksError: no sense in use keeps the accepted risk.
+    SettingsError: settings contradict each other. ValueError: a font cannot be used or lacks characters of the format,
+    or the database cannot be used.
     """
     from pipeline.reading.certificate import acceptance_of
     from recognition.decide.depth_rules import depth_rule
@@ -93,6 +89,19 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
     return VirtualArray(whisker, Sensors(settings.sensors), Fidelity(settings.fidelity))
 
 
+def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
+    """Find the character height by reading the part. Raises MarksError: no characters were found.
+
+    Dirt makes bands of its own, and only a reading finds the band that is the line.
+    """
+    from recognition.reader import Reader
+
+    reading = Reader().read(height_map, soil=soil)
+    if not reading.characters or reading.decision.value == "reject":
+        raise MarksError("no characters were found, so the scale is unknown", hint="give --height-mm")
+    return float(f"{reading.height_mm:.3g}")
+
+
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
     """The expected lines beside the serial, by name."""
     from recognition.find.request import LineFormat
@@ -123,8 +132,8 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
     except MarksError as error:
         if not isinstance(error, FileError):
             raise FileError(f"{job.name}{SUFFIX}", error.what, error.hint) from error
-        own = error.path in files_of(job.settings)
-        raise (OwnFileError if own else FileError)(error.path, error.what, error.hint) from error
+        is_ours = error.path in files_of(job.settings)
+        raise (OwnFileError if is_ours else FileError)(error.path, error.what, error.hint) from error
     return job
 
 

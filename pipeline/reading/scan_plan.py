@@ -8,9 +8,13 @@ line is unknown, and the plan covers the stage's whole field, in the stage's fra
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pipeline.common.reading_records import ScanPlanRecord
+from whisker_array.scan.session import Fitting, StageSession
+from whisker_array.scan.sweep import Sweep
+from whisker_array.whisker.passes import Pass
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -37,11 +41,8 @@ def plan_of(
 ) -> ScanPlanRecord:
     """Plan the scan that resolves the doubts of the camera.
 
-    Args:
-        photo: the photograph; if its pitch is known, the region lies around the line, or is the whole picture if no
-            line was found with certainty.
-        field_mm: width and height of the stage's field.
-        reason: why touch is needed.
+    If the photograph's pitch is known, the region lies around the line, or is the whole picture if no line was found
+    with certainty; else it is the stage's field, of width and height `field_mm`.
     """
     from recognition.see.photo_frame import photo_middle_mm
     from whisker_array.whisker.array import default_plan
@@ -113,3 +114,29 @@ def _around(
 def _mean_confidence(vision: Reading) -> float:
     confidences = [c.confidence for c in vision.characters]
     return math.fsum(confidences) / len(confidences) if confidences else 0.0
+
+
+class FramedSession:
+    """A `StageSession` with its own frame for orders and samples.
+
+    (x_mm, y_mm) is a place in the stage's frame minus the same in this one; (x0, y0, x1, y1) `field_mm` may be scanned,
+    in this frame.
+    """
+
+    def __init__(
+        self,
+        session: StageSession,
+        *,
+        x_mm: float,
+        y_mm: float,
+        field_mm: tuple[float, float, float, float],
+    ) -> None:
+        self._session, self._x_mm, self._y_mm = session, x_mm, y_mm
+        self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
+
+    def feel(self, order: Pass) -> Sweep:
+        moved = order.moved(self._x_mm, self._y_mm)
+        return replace(self._session.feel(moved), plan=order.sweep_plan())
+
+    def close(self) -> None:
+        self._session.close()

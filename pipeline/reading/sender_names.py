@@ -15,15 +15,10 @@ _log = logging.getLogger(__name__)
 
 @contextlib.contextmanager
 def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
-    """Turn every problem into a file error with the sender's name for the file, and without the folder's path.
+    """Turn every problem into a file error with the sender's name for the file, by path, and without the folder.
 
-    Args:
-        names: names of the files by path; the first is used if an error names no file.
-
-    Raises:
-        FileError: a problem with one of the files.
-        OwnFileError: a problem with this machine, or with any other file.
-        FaultError: a fault of this program.
+    The first name is used if an error names no file. Raises FileError: a problem with one of the files. OwnFileError: a
+    problem with this machine, or with any other file. FaultError: a fault of this program.
     """
     from recognition.decide.verify import VerifyError
 

@@ -30,9 +30,8 @@ class ReadPart:
     """A part that a worker has read; what was not requested is empty.
 
     Attributes:
-        readings: readings in the order they were made, the last one counts; or one with the error.
+        readings: in the order they were made, the last one counts; or one with the error.
         plan: plan for touch; None if touch is not needed.
-        measures: of the last reading.
         sha256: hash of its files and of its entry in the list of parts.
     """
 

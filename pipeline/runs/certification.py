@@ -53,8 +53,7 @@ class Certification:
 
     Attributes:
         certificate: None if no threshold is proven to keep the risk.
-        tests: one test per threshold.
-        errors: number of these that could not be read.
+        errors: number of parts that could not be read.
         without_truth: number of parts that are not in the truth, and were not read.
         missing: estimated number of further parts for a certificate; None if there is one, or if no number suffices.
     """
@@ -87,8 +86,7 @@ def certify(
 
     Raises:
         FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
-        MarksError: no sense keeps the risk of the settings, so that nothing would be accepted.
-        SettingsError: the settings cannot be certified.
+        MarksError: the settings cannot be certified, or no sense keeps their risk.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")

@@ -54,7 +54,6 @@ class Journal(Generic[Stored]):
         keeps: type stored for a part; pydantic writes and reads it.
         facts: columns beside it, which can be read without it; see `facts_of`.
         file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
-        again: names of the parts that have a second result.
     """
 
     kind: ClassVar[str]
@@ -69,7 +68,7 @@ class Journal(Generic[Stored]):
         """Resume the journal, a file or in the folder of the run, or begin a new one.
 
         Args:
-            description: description of the run in plain JSON values; None to read any run and change nothing.
+            description: of the run in plain JSON values; None to read any run and change nothing.
             output: file that errors name (default: the journal).
 
         Raises:
@@ -126,7 +125,6 @@ class Journal(Generic[Stored]):
 
     @cached_property
     def done(self) -> dict[str, Stored]:
-        """Stored results by part name; grows with `keep`."""
         rows = self._db.execute("select name, kept from parts where again = 0 order by number")
         return {as_text(name): self.parse(text) for name, text in rows}
 
@@ -156,15 +154,13 @@ class Journal(Generic[Stored]):
         return results
 
     def facts_of(self, name: str, result: Stored) -> Sequence[Any]:
-        """Values of the columns `facts` for the result of a part."""
+        """Values of the columns `facts`."""
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
-        """Stream columns of the first result of every part, and then of its second one; None where it has none.
+        """Stream columns (name, kept, facts) of the first result of every part and then of its second one, or None.
 
-        Args:
-            columns: name, kept or one of `facts`.
-            order: names of the parts that come first; names without a stored result are skipped.
+        Names in `order` come first; those without a stored result are skipped.
         """
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
@@ -175,7 +171,6 @@ class Journal(Generic[Stored]):
         yield from self._db.execute(_IN_ORDER.format(columns=selected))
 
     def latest(self, count: int) -> list[Stored]:
-        """The first results of the parts that were stored last, in order."""
         rows = self._db.execute(
             "select kept from parts where again = 0 order by number desc limit ?", (count,)
         ).fetchall()
@@ -189,7 +184,6 @@ class Journal(Generic[Stored]):
         self._db.close()
 
     def remove(self) -> None:
-        """End the run: its output is complete."""
         self.close()
         with self._faults():
             sync_names(self.path.parent)
@@ -291,7 +285,6 @@ def resumable(
         work: makes a result of (order, part).
         lost: makes the result of a part whose work failed or whose worker died.
         form: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
-        again: whether the parts are done a second time.
     """
     named, done = attrgetter(name), journal.again if again else journal.names
     tasks: dict[str, T] = {}

@@ -1,14 +1,20 @@
-"""Learn a lot's die from its own parts: parts read with certainty give the shapes for reading the others again.
+"""Rules for the readings of a lot, whose parts are read in any order, and some of them twice.
 
-Readings are chosen by their content, so the order of the parts makes no difference.
+Parts read with certainty give the shapes for reading the others again. They are chosen by their content, so the order
+of the parts makes no difference. Serials that several parts have are found once, in the final records of all parts.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections import Counter
-from collections.abc import Iterable
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
+
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.serial_rules import Objection, SerialAlarm, with_objection
+from pipeline.common.texts import first_of, without_blanks
 
 FEWEST_PARTS = 12
 """Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
@@ -57,3 +63,29 @@ def is_better(second: Outline, first: Outline) -> bool:
     if not needs_another(first) or second.error:
         return False
     return second.decision == "accept" or (second.text == first.text and second.confidence > first.confidence)
+
+
+Repeats = Mapping[str, Sequence[str]]
+"""Names of the parts by serial, of serials that several parts have."""
+
+
+def find_repeats(readings: Iterable[Outline]) -> Repeats:
+    """Find the serials with which several parts were accepted."""
+    parts = defaultdict[str, list[str]](list)
+    for reading in readings:
+        if reading.decision == "accept":
+            parts[without_blanks(reading.text)].append(reading.part)
+    return {text: names for text, names in parts.items() if len(names) > 1}
+
+
+def repeated(record: ReadingRecord, repeats: Repeats) -> Objection | None:
+    """The objection to an accepted part whose serial other parts have: any of them may be the wrong one."""
+    others = [name for name in repeats.get(without_blanks(record.text), ()) if name != record.part]
+    if record.decision != "accept" or not others:
+        return None
+    return Objection(SerialAlarm.READ_BEFORE, f"{record.text} was also read on {first_of(others)}")
+
+
+def reviewed(record: ReadingRecord, objection: Objection | None) -> ReadingRecord:
+    """Send a record to review if there is an objection."""
+    return record if objection is None else replace(with_objection(record, objection), decision="review")

@@ -55,16 +55,14 @@ class Row(NamedTuple):
     """The reading of a part that counts: what a lot's passes go by, the result, and its line of a growing table."""
 
     outline: Outline
-    kept: str
+    result: str
     line: bytes
 
 
 class RunJournal(Journal[ReadPart]):
     """The results of one run, and the table that grows with them, for one thread at a time.
 
-    Attributes:
-        written: whether there is a table; without one only the journal is written.
-        previous: new name of the previous table; None if there was none with a row.
+    Without a table (`written`) only the journal is written; `previous` is the new name of a previous table.
     """
 
     kind: ClassVar[str] = "run"
@@ -108,7 +106,6 @@ class RunJournal(Journal[ReadPart]):
         return stored
 
     def facts_of(self, name: str, result: ReadPart) -> Sequence[Any]:
-        """The outline of a reading, and its line."""
         record = result.record
         decision, text, error = map(as_blob, (record.decision, record.text, record.error))
         line = self._lines[name] if self._growing is not None else b""
@@ -123,12 +120,11 @@ class RunJournal(Journal[ReadPart]):
         return {first.part: first.error for first, _ in self.outlines() if first.error}
 
     def better(self, order: Iterable[str] = ()) -> Iterator[Outline]:
-        """Stream the outline of the reading of every part that counts, as `records` does."""
         return (row.outline for row in self._rows(order))
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
         """Stream the better record of every part: named parts first, the others in the order of reading."""
-        return (self.parse(row.kept).record for row in self._rows(order))
+        return (self.parse(row.result).record for row in self._rows(order))
 
     def _rows(self, order: Iterable[str] = ()) -> Iterator[Row]:
         width = 7
@@ -138,25 +134,23 @@ class RunJournal(Journal[ReadPart]):
             yield second if second is not None and is_better(second.outline, first.outline) else first
 
     def keep_private(self) -> None:
-        """Make the files readable by their owner only; for records that are not the user's own table."""
         with self._faults():
             for path in self.path.parent.glob(f"{self.path.name}*"):
                 path.chmod(0o600)
 
     def close(self) -> None:
-        """Close the table; an unfinished run can be resumed."""
         self.close_table()
         super().close()
 
     def close_table(self) -> None:
-        """Close the table alone: Windows does not replace a file that is open."""
+        """Windows does not replace a file that is open."""
         if self._growing is not None:
             self._growing.close()
 
     def lines(self, order: Iterable[str], final: Callable[[ReadingRecord], ReadingRecord]) -> Iterator[bytes]:
         """Stream the lines of the table, as they were written or, where `final` changes the record, anew."""
         for row in self._rows(order):
-            stored = self.parse(row.kept).record
+            stored = self.parse(row.result).record
             record = final(stored)
             yield row.line if row.line and record is stored else self._form.encode(record)
 
@@ -172,14 +166,10 @@ def export(
     order: Iterable[str],
     final: Callable[[ReadingRecord], ReadingRecord] = lambda record: record,
 ) -> None:
-    """Write the table of a run in order, with unnamed parts last, and end the run.
+    """Write the table of a run in order, with unnamed parts last, and end the run; names without a record are skipped.
 
-    Args:
-        order: names of the parts; names without a record are skipped.
-        final: makes the record that is written from each stored one.
-
-    Raises:
-        FileError: it cannot be written; the same command resumes the run and ends it.
+    `final` makes the record that is written from each stored one. Raises FileError: it cannot be written; the same
+    command resumes the run and ends it.
     """
     journal.close_table()
     with writing(journal.table):
@@ -222,22 +212,13 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that stores each part of a run once, even if the run is repeated.
-
-    A part's key is made from the run, its name and the content of its files; the store keeps it as long as the part.
-    """
+    """A store that keeps each part of a run once, known by run, name and files, even if the run is repeated."""
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
-        """Open the store for a run.
+        """Open the store for a run; `run` is a hash of everything that its readings depend on.
 
-        Args:
-            run: hash of everything that its readings depend on.
-            evidence: the service's folder of files; without it no pictures are kept.
-
-        Raises:
-            StoreError: the store cannot be opened.
-            FileError: a folder cannot be made.
-            MissingExtraError: the extra `service` is not installed.
+        Raises StoreError: the store cannot be opened. FileError: a folder cannot be made. MissingExtraError: the extra
+        `service` is not installed.
         """
         try:
             from pipeline.store.evidence_folder import EvidenceFolder
@@ -278,7 +259,7 @@ class RunStore:
         return True
 
     def send_to_review(self, record: ReadingRecord, objection: Objection) -> None:
-        """Send a stored part to review, unless a person has reviewed it."""
+        """Not if a person has reviewed it."""
         from pipeline.store.errors import MAX_TEXT, cleaned
 
         name = cleaned(record.part)[:MAX_TEXT]

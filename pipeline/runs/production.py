@@ -22,8 +22,7 @@ from pipeline.errors import is_url, without_secrets
 from pipeline.formats.find_parts import Listing, discover
 from pipeline.formats.manifest import is_manifest, names_no_files
 from pipeline.formats.part_files import PartFiles, local_name
-from pipeline.formats.truth import Accuracy, PartTexts, load_truth, read_order
-from pipeline.reading.expected import load_expected
+from pipeline.formats.truth import Accuracy, PartTexts, load_expected, load_truth, read_order
 from pipeline.reading.part_job import PartJob, Wants, check_run, files_to_send
 from pipeline.runs.options import RunOptions
 from pipeline.runs.outputs import unfinished

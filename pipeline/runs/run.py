@@ -20,7 +20,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.reading.part_job import PartJob, lost_part, read_listed
 from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import resumable, set_aside, writing
-from pipeline.runs.lot_check import Repeats, find_repeats, repeated, reviewed
+from pipeline.runs.lot import Repeats, find_repeats, repeated, reviewed
 from pipeline.runs.options import RunOptions
 from pipeline.runs.outputs import RunJournal, RunStore, export, write_quarantine
 from pipeline.runs.progress import Progress
@@ -41,8 +41,7 @@ class Run:
         quarantine: table of the parts that could not be read.
         watch: compares the parts read now with those of a certificate.
         on_row: called with every final row, including those from before a resumption.
-        read_now: number of parts read since the run was opened.
-        known: number of these that the store already had.
+        known: number of the parts read now that the store already had.
     """
 
     journal: RunJournal
@@ -127,14 +126,10 @@ class Run:
 
 @contextmanager
 def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: bool = False) -> Iterator[Run]:
-    """Open a new run with its table, or resume an interrupted one.
+    """Open a new run with its table, or resume an interrupted one; answers depend on the description, in JSON values.
 
-    Args:
-        description: settings on which the answers depend, in plain JSON values.
-
-    Raises:
-        FileError: the table belongs to another run, is being written, or cannot be written.
-        StoreError: the store cannot be opened.
+    Raises FileError: the table belongs to another run, is being written, or cannot be written. StoreError: the store
+    cannot be opened.
     """
     # a part's own entry in a table is in its own key in the store
     known = {name: value for name, value in description.items() if name != "tables"}

@@ -55,7 +55,6 @@ class SecondPass:
 
     Attributes:
         always: whether it is made even if no part needs another reading.
-        learned: None before, and if nothing was.
         again: number of parts read again since the run was opened.
     """
 

@@ -31,7 +31,6 @@ class Summary:
     """Counts over any number of rows.
 
     Attributes:
-        decisions: of parts; errors have none.
         reasons: of parts not accepted; a part may have several.
         misfits: of parts on which a clear text does not fit the format, by the way in which it does not.
         slowest: (seconds, part), slowest first.

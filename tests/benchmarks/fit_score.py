@@ -33,7 +33,7 @@ from scipy.special import expit
 
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
-from pipeline.common.accepted_risk import ThresholdTest, risk_thresholds
+from pipeline.common.accepted_risk import ThresholdTest, proven_threshold, threshold_tests
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from recognition.decide import fuse_lattices as fusion
 from recognition.decide import score as scoring
@@ -372,6 +372,14 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
 
 Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
 """Tested thresholds of each risk, by source."""
+
+
+def risk_thresholds(
+    scores: Sequence[float], right: Sequence[bool], risks: Sequence[float], **options: Any
+) -> Mapping[float, ThresholdTest]:
+    """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none."""
+    proven = {risk: proven_threshold(threshold_tests(scores, right, risk=risk, **options)) for risk in risks}
+    return {risk: test for risk, test in proven.items() if test is not None}
 
 
 def find_thresholds(judged: Sequence[Judged]) -> Thresholds:

@@ -132,8 +132,8 @@ class SimulatedStage:
         """Mount the part's height map, its middle under the camera's axis. Raises StageError: no such part, a map
         that cannot be scanned, or a region off the part."""
         from pipeline.formats.touch_file import read_part_map
-        from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.readers import virtual_array
+        from pipeline.reading.scan_plan import FramedSession
         from recognition.see.virtual_bench import VirtualBench
 
         maps = _files_of(self.folder, order.part_name, _MAP_SUFFIXES)
@@ -172,7 +172,7 @@ class BenchStage:
         """The part under the comb, in the frame of the order's region; the camera's axis meets the plate at
         `camera_mm`. Raises StageError: the bench cannot be opened or homed, or the region is off its field."""
         from pipeline.bench.bench import Bench
-        from pipeline.reading.framed_session import FramedSession
+        from pipeline.reading.scan_plan import FramedSession
 
         plate = self._settings.plate
         frame = order.frame(plate.field_mm, camera_mm=plate.camera_mm)

@@ -231,6 +231,8 @@ def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> N
         ("--zz", ""),
         ("--check", '--format "check:RULE"'),
         ("--stage.folder", "--stage.device"),
+        ("--watch.no-recurse", '--watch.folder "FOLDER/*"'),
+        ("--serials.order", "--folder (the order stands in order.csv)"),
     ],
 )
 def test_an_unknown_flag_names_the_nearest_one_or_none(
@@ -259,6 +261,7 @@ def test_a_setting_without_a_flag_is_named_with_its_other_places(capsys: pytest.
         ("TACTILE_MARKS_SERVICE_PROT", "1", "TACTILE_MARKS_SERVICE_PROT.*did you mean port"),
         ("TACTILE_MARKS_SERVICE_JOBS", "1", r"TACTILE_MARKS_SERVICE_JOBS.*did you mean jobs in \[workers\]"),
         ("TACTILE_MARKS_SERVICE_OPCUA_USERS", "[", "TACTILE_MARKS_SERVICE_OPCUA_USERS"),
+        ("TACTILE_MARKS_SERVICE_WEBHOOK_SECRET", "x", r"did you mean folder \(the secret stands in webhook\.key"),
     ],
 )
 def test_a_bad_environment_is_an_error_with_its_variable(

@@ -17,10 +17,10 @@ from pipeline.common.accepted_risk import (
     parts_missing,
     parts_needed,
     proven_threshold,
-    risk_thresholds,
     threshold_tests,
 )
 from pipeline.common.shares import share_bounds
+from tests.benchmarks.fit_score import risk_thresholds
 
 RISK, CONFIDENCE = 0.05, 0.9
 RUNS, PARTS = 200, 300

@@ -18,7 +18,7 @@ from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
-from pipeline.reading.expected import load_expected
+from pipeline.formats.truth import load_expected
 from pipeline.reading.part_reader import PartReader, senses_of
 from recognition.decide import risk
 from recognition.decide.decision import ReadingFlag

@@ -13,8 +13,8 @@ from glyphs.surface.maps import EdgeMap, TraceDirection
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import Agreement, EvidenceKind, PartState
 from pipeline.reading.bench_watch import LATEST, SHOWN_BY, BenchWatch
-from pipeline.reading.character_height import find_height_mm
 from pipeline.reading.part_pictures import MOST_PIXELS_A_SIDE, Picture, edges_picture, photo_picture
+from pipeline.reading.readers import find_height_mm
 from pipeline.reading.triage import agreement_of, state_after
 from recognition.reader import Reader
 from recognition.settings import ReaderSettings
@@ -76,7 +76,7 @@ def test_it_is_over_when_the_latest_parts_are_sound() -> None:
 def read_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whose font it is takes long and is not the subject."""
     gothic = Reader(ReaderSettings(fonts=("gothic",), experts=("network",)))
-    monkeypatch.setattr("pipeline.reading.character_height.Reader", lambda: gothic)
+    monkeypatch.setattr("pipeline.reading.readers.Reader", lambda: gothic)
 
 
 def test_dirt_does_not_make_the_characters_taller(monkeypatch: pytest.MonkeyPatch) -> None:
