@@ -184,12 +184,14 @@ def tls_context(settings: ServiceSettings) -> ssl.SSLContext | None:
         if path.exists() and not path.is_file():  # opening a pipe would block
             raise UsageError(f"serve: {path} is not a file", "name a PEM file")
     if cert is None:
+        if key is not None:
+            raise UsageError("serve: tls.key is set without tls.certificate", "give both")
         return None
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
         context.load_cert_chain(cert, key, password=_no_password)
     except (OSError, ValueError) as error:  # an SSLError is an OSError
-        named = cert if key == cert else f"{cert} with {key}"
+        named = cert if key is None else f"{cert} with {key}"
         reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
         raise UsageError(
             f"serve: the certificate {named} cannot be used ({reason})",

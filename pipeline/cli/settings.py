@@ -311,8 +311,8 @@ def settings_file(*models: Settings) -> str:
     Explanations begin with "# ", settings with "#" alone; without the # the line takes effect. There are no tables, so
     that other lines can be pasted anywhere. A setting without a default has its type in place of a value:
 
-    # Certificate of the OPC UA server; with it every connection is signed and encrypted. Default: that of TLS.
-    #service.opcua.certificate =    # file or folder
+    # Private key of that certificate (PEM), without a password.
+    #service.tls.key =    # file or folder
     """
     return "\n".join((_BEGINNING, *map(_table_of_file, models)))
 

@@ -94,9 +94,9 @@ class Ports:
         self._intake = intake
         senders: dict[str, Sender] = {}
         if settings.webhook.url:
-            from pipeline.service.outputs.webhook import WebhookSender, secret_of
+            from pipeline.service.outputs.webhook import WebhookSender
 
-            senders["webhook"] = WebhookSender(settings.webhook, secret_of(settings))
+            senders["webhook"] = WebhookSender(settings.webhook)
         if settings.mqtt.url:
             from pipeline.service.inputs.mqtt_calls import MqttCalls
             from pipeline.service.outputs.mqtt import MqttSender
@@ -214,7 +214,7 @@ class Service:
         calls = WorkerCalls(self.pool, self.jobs, machine.files, self.metrics)
         self.intake = Intake(settings, store=self.store, evidence=self.evidence, calls=calls)
         self.ports = Ports(settings, self.intake, most_bytes=machine.upload_bytes, at_once=workers.processes)
-        self.golden = GoldenPart(settings, self.store, calls)
+        self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line_name)
         self._add_gauges()
 
     def _add_gauges(self) -> None:

@@ -18,7 +18,7 @@ from pipeline.store.alerts import MOST_SCANS
 from pipeline.store.store import Store
 
 if TYPE_CHECKING:
-    from pipeline.service.settings import ServiceSettings
+    from pipeline.service.settings import GoldenSettings
 
 GOLDEN, OVERDUE = "golden", "golden_overdue"
 
@@ -26,17 +26,15 @@ GOLDEN, OVERDUE = "golden", "golden_overdue"
 class GoldenPart:
     """The golden part of a line. Its first scan is the reference, or a later one that is sent as such."""
 
-    def __init__(self, settings: ServiceSettings, store: Store, calls: WorkerCalls) -> None:
-        self._store, self._calls, self._line = store, calls, settings.line_name
-        self._relief = settings.file_of_folder("golden")
-        self._every = timedelta(hours=settings.golden.every_h)
+    def __init__(self, settings: GoldenSettings, store: Store, calls: WorkerCalls, *, line: str) -> None:
+        self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line
+        self._every = timedelta(hours=settings.every_h)
 
     async def measure(self, sent: Upload, *, reference: bool) -> GoldenRecord:
         """Measure and store a scan. Raises Problem: 409, no golden part is set up; 422, the file is no scan of it."""
         if self._relief is None:
             raise Problem(
-                409,
-                "no golden part is set up; put its relief, golden.npz, into the service's folder and start it again",
+                409, 'no golden part is set up; name its relief: relief = "golden.npz" under [service.golden]'
             )
         measures = await self._calls.call(measure_sent, sent.path, sent.name, self._relief)
         return await asyncio.to_thread(self._store.add_golden, measures, line=self._line, reference=reference)

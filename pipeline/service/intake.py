@@ -132,8 +132,8 @@ class Intake:
         self.targets: tuple[str, ...] = ()
         self.policy = settings.review
         order = None
-        if (order_file := settings.file_of_folder("order")) is not None:
-            order = read_order(order_file, serial_format(calls.jobs.settings("")))
+        if serials.order is not None:
+            order = read_order(serials.order, serial_format(calls.jobs.settings("")))
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         # a lock lives as long as a request that holds it or waits for it
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()

@@ -22,7 +22,7 @@ from urllib.parse import unquote, urlsplit
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.common.parsed import json_of
-from pipeline.common.settings import Names, Settings, SettingsError
+from pipeline.common.settings import Names, Settings
 
 if TYPE_CHECKING:
     from pipeline.common.people_records import Person
@@ -101,17 +101,9 @@ class TlsSettings(Settings):
     """TLS of the web interface."""
 
     certificate: Path | None = None
-    """Certificate of the web interface, with the intermediate ones (PEM); with it the service speaks HTTPS. Its private
-    key (PEM), without a password, is in the same file or beside it: NAME.key, key.pem or privkey.pem."""
-
-    @property
-    def key(self) -> Path | None:
-        """File that holds the private key of the certificate."""
-        if self.certificate is None:
-            return None
-        names = (f"{self.certificate.stem}.key", "key.pem", "privkey.pem")
-        beside = (self.certificate.parent / name for name in names)
-        return next((path for path in beside if path.exists()), self.certificate)
+    """Certificate of the web interface, with the intermediate ones (PEM); with it the service speaks HTTPS."""
+    key: Path | None = None
+    """Private key of that certificate (PEM), without a password. Default: in the certificate's file."""
 
 
 class ReviewMode(StrEnum):
@@ -156,12 +148,14 @@ class ReviewSettings(Settings):
 
 
 class SerialSettings(Settings):
-    """Duplicate and sequence checks."""
+    """Duplicate, order and sequence checks."""
 
     duplicates: bool = False
     """Send a part to a person if another part has the same serial."""
     jump: int = Field(default=0, ge=0, le=1_000_000)
     """Send a part to a person if its serial is further than this from its place in the sequence; 0: never."""
+    order: Path | None = None
+    """Production order, a file of serials or ranges (KX400000..KX409999); a part with another goes to a person."""
 
 
 class StageSettings(Settings):
@@ -191,9 +185,9 @@ class WatchSettings(Settings):
     """The watched folder."""
 
     folder: Path | None = None
-    """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem. Its
-    subfolders, as far as they are no links, are watched too, and the names of their parts begin with the subfolder's;
-    with /* at the end, "pictures/*", they are not."""
+    """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
+    recurse: bool = True
+    """Watch its subfolders, too, as far as they are no links; the names of their parts begin with the subfolder's."""
     expected: bool = False
     """NAME.txt, written beside NAME.png before it, holds the serial that the part should read."""
     job: str = ""
@@ -205,15 +199,6 @@ class WatchSettings(Settings):
     """Seconds without a new or changed photograph after which a part of numbered photographs is read, and one whose end
     is missing. The folder is looked at every half of them, and at least once a second; a single photograph is read
     when two looks find it unchanged."""
-
-    @property
-    def recurse(self) -> bool:
-        return self.folder is None or self.folder.name != "*"
-
-    @property
-    def top(self) -> Path | None:
-        """The folder itself."""
-        return self.folder if self.folder is None or self.recurse else self.folder.parent
 
     @property
     def every_s(self) -> float:
@@ -268,7 +253,9 @@ class WebhookSettings(Settings):
     """Results over HTTP."""
 
     url: Annotated[str, AfterValidator(_web_address)] = ""
-    """Web address to post results to. They are signed if the service's folder holds webhook.key."""
+    """Web address to post results to."""
+    secret: str = Field(default="", repr=False)
+    """Key of the signature; better in the file or the environment than in a flag. Default: unsigned."""
 
 
 class AlertSettings(Settings):
@@ -283,8 +270,10 @@ class AlertSettings(Settings):
 class GoldenSettings(Settings):
     """The golden part."""
 
+    relief: Path | None = None
+    """Relief of the golden part, which shows the wear of the whiskers: its height map, or the TOML of a test piece."""
     every_h: float = Field(default=0.0, ge=0.0, le=10_000.0)
-    """Hours after which an alert asks for a scan of the golden part; 0: never. Its relief stands in the folder."""
+    """Hours after which an alert asks for a scan of the golden part; 0: never."""
 
 
 class ServiceSettings(Settings):
@@ -301,11 +290,6 @@ class ServiceSettings(Settings):
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),
         "shutdown_grace_s": "drain_s",
         "watch.every_s": "watch.settle_s",
-        **dict.fromkeys(("watch.recurse", "watch.no_recurse"), 'watch.folder = "FOLDER/*"'),
-        "tls.key": "tls.certificate (its key stands in the same file, or beside it)",
-        "serials.order": "folder (the order stands in order.csv)",
-        "golden.relief": "folder (the relief stands in golden.npz)",
-        "webhook.secret": "folder (the secret stands in webhook.key)",
         "mqtt.prefix": 'mqtt.url = "mqtt://HOST/PREFIX"',
         "databases": "folder (its databases stand in databases)",
         "jobs_folder": "folder (its jobs stand in jobs)",
@@ -321,10 +305,7 @@ class ServiceSettings(Settings):
     """Port of the web interface; 0 takes any free one."""
     folder: Path = Path("tactile-marks-data")
     """Folder for the store, the evidence files, glyph databases (databases) and jobs (jobs/NAME.toml); made if it is
-    missing. Three files in it are used if they are there: order.csv, the production order, a table of serials or
-    ranges (KX400000..KX409999): a part with another serial goes to a person; golden.npz, the relief of the golden part,
-    which shows the wear of the whiskers, or golden.toml, a test piece; webhook.key, the key that signs webhooks. A name
-    may end in the line's, order-LINE.csv, and files may have other formats."""
+    missing."""
     store: str = ""
     """Address of the store: sqlite:///FILE or postgresql://user@host/marks. Default: a file in the folder."""
     line_name: str = Field(default="", max_length=100)
@@ -417,21 +398,6 @@ class ServiceSettings(Settings):
     @property
     def store_url(self) -> str:
         return self.store or f"sqlite:///{(self.folder / STORE_FILE).absolute()}"
-
-    def file_of_folder(self, stem: str) -> Path | None:
-        """The file with that stem in the folder, of whatever format; that of the line before that of all lines.
-
-        Raises:
-            SettingsError: there are two.
-        """
-        for name in (f"{stem}-{self.line_name}", stem):
-            files = [path for path in self.folder.glob(f"{stem}*.*") if path.stem == name]
-            if len(files) > 1:
-                names = " and ".join(sorted(path.name for path in files))
-                raise SettingsError(f"{self.folder} holds {names}", hint="leave the one that counts")
-            if files:
-                return files[0]
-        return None
 
     @property
     def evidence_folder(self) -> Path:

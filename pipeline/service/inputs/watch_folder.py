@@ -99,13 +99,13 @@ class WatchedFolder:
 
     def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
         """Watch the folder of the settings, and read `at_once` parts at a time. Raises FileError: no such folder."""
-        if settings.top is None or not settings.top.is_dir():
+        if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
-                settings.top or "watch.folder",
+                settings.folder or "watch.folder",
                 "is not a folder that can be watched",
                 "name another with --watch.folder",
             )
-        self.folder = settings.top.absolute()
+        self.folder = settings.folder.absolute()
         self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
         self._at_once = at_once
         self._looking, self._stopping = asyncio.Lock(), False
@@ -249,7 +249,7 @@ class WatchedFolder:
             left = time.time() - status.st_mtime > LEFT_S
             return "has the name of an unfinished upload, or a hidden one" if left else ""
         if stat.S_ISDIR(status.st_mode):
-            return "" if self._settings.recurse else "is a folder, and watch.folder ends in /*"
+            return "" if self._settings.recurse else "is a folder, and watch.recurse is off"
         if suffix in PHOTO_SUFFIXES or suffix in UNREAD_PICTURE_SUFFIXES or self._is_expected(entry.name):
             return ""
         stamp, why = self._passed_over.get(entry.path, (None, ""))

@@ -20,18 +20,15 @@ import hmac
 import time
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError
-from pipeline.common.parsed import MOST_BYTES
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
-from pipeline.errors import require_file
 from pipeline.service.client import retry_after_s
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
 
 if TYPE_CHECKING:
     import httpx
 
-    from pipeline.service.settings import ServiceSettings, WebhookSettings
+    from pipeline.service.settings import WebhookSettings
 
 _ENCODED = "whsec_"
 _AGENT = "tactile-marks"
@@ -49,27 +46,15 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
     return f"v1,{base64.b64encode(digest).decode()}"
 
 
-def secret_of(settings: ServiceSettings) -> str:
-    """Read the secret in the service's folder; empty without one. Raises FileError: it is not a text."""
-    path = settings.file_of_folder("webhook")
-    if path is None:
-        return ""
-    require_file(path, most_bytes=MOST_BYTES)
-    try:
-        return path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, f"cannot be read ({error})", "write the secret into it as text") from error
-
-
 class WebhookSender:
     """Post deliveries to a web address."""
 
-    def __init__(self, settings: WebhookSettings, secret: str = "", *, timeout_s: float = 10.0) -> None:
-        """`timeout_s`: of one delivery, from connecting to the answer's end. Without a secret it is not signed. Raises
-        SettingsError: a whsec_ secret that is no base64."""
+    def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
+        """`timeout_s`: of one delivery, from connecting to the answer's end. Raises SettingsError: a whsec_ secret that
+        is no base64."""
         import httpx
 
-        self._url, self._secret, self._timeout_s = settings.url, secret, timeout_s
+        self._url, self._secret, self._timeout_s = settings.url, settings.secret, timeout_s
         if self._secret:
             _key(self._secret)
         # proxies and the like of the environment are ignored: only the settings count

@@ -231,8 +231,6 @@ def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> N
         ("--zz", ""),
         ("--check", '--format "check:RULE"'),
         ("--stage.folder", "--stage.device"),
-        ("--watch.no-recurse", '--watch.folder "FOLDER/*"'),
-        ("--serials.order", "--folder (the order stands in order.csv)"),
     ],
 )
 def test_an_unknown_flag_names_the_nearest_one_or_none(

@@ -327,8 +327,8 @@ test_app.__test__ = False  # type: ignore[attr-defined]
 async def web_server(tls: tuple[Path, Path] | None = None, **limits: Any) -> Any:
     """Port of a web server of `test_app`."""
     times = {name: limits.pop(name) for name in ("head_s", "write_s") if name in limits}
-    certificate, _ = tls or (None, None)
-    context = tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate)))
+    certificate, key = tls or (None, None)
+    context = tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate, key=key)))
     bound = listening("127.0.0.1", 0, option="--port")
     protocol = patient_protocol(Room(**{"an_address": 100, **limits}), tls=context, **times)
     server = uvicorn.Server(uvicorn.Config(test_app, http=protocol, lifespan="off", log_config=None))
@@ -517,26 +517,19 @@ def test_a_certificate_that_cannot_be_used_is_told_before_anything_begins(tmp_pa
             serialization.BestAvailableEncryption(b"secret"),
         )
     )
-    own_key = key.read_bytes()
+    (tmp_path / "rubbish.crt").write_text("no certificate")
     for cert, private, says in (
-        (certificate.read_bytes(), other.read_bytes(), "cannot be used"),
-        (certificate.read_bytes(), locked.read_bytes(), "password"),
-        (certificate.read_bytes(), None, "cannot be used"),
-        (b"no certificate", own_key, "cannot be used"),
-        (None, own_key, "No such file"),
+        (certificate, other, "cannot be used"),
+        (certificate, locked, "password"),
+        (certificate, None, "cannot be used"),
+        (tmp_path / "rubbish.crt", key, "cannot be used"),
+        (tmp_path / "none.crt", key, "No such file"),
+        (None, key, "without tls.certificate"),
     ):
-        named = tmp_path / "named.crt"
-        for path, data in ((named, cert), (named.with_suffix(".key"), private)):
-            path.unlink(missing_ok=True)
-            if data is not None:
-                path.write_bytes(data)
-        settings = ServiceSettings(folder=tmp_path / "s", tls=TlsSettings(certificate=named))
+        settings = ServiceSettings(folder=tmp_path / "s", tls=TlsSettings(certificate=cert, key=private))
         with pytest.raises(CommandError, match=says):
             tls_context(settings)
-    assert tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate))) is not None
-    certificate.write_bytes(certificate.read_bytes() + own_key)
-    key.unlink()
-    assert tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate))) is not None
+    assert tls_context(ServiceSettings(tls=TlsSettings(certificate=certificate, key=key))) is not None
     assert tls_context(ServiceSettings()) is None
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from glyphs import stamp
-from glyphs.errors import FileError
 from pipeline.cli.main import main
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.common.people_records import Person
@@ -50,10 +49,8 @@ def radius(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_wear_raises_an_alert_until_the_whiskers_are_new(tmp_path: Path, radius: list[float]) -> None:
-    folder = tmp_path / "service"
-    folder.mkdir()
-    (folder / "golden.npz").touch()
-    with inline_service(folder, golden={"every_h": 8.0}) as (service, client):
+    settings = {"golden": {"relief": tmp_path / "golden.npz", "every_h": 8.0}}
+    with inline_service(tmp_path / "service", **settings) as (service, client):
         received(service.store)  # alerts go with the line's latest part
 
         def alerts() -> dict[str, str]:
@@ -87,12 +84,6 @@ def test_without_a_golden_part_none_is_taken(tmp_path: Path) -> None:
         assert client.get("/v1/golden").json() == []
         assert service.golden.faults() == {}
         assert "Golden part" not in client.get("/dashboard").text
-
-
-def test_the_order_in_the_folder_is_read_at_the_start(tmp_path: Path) -> None:
-    (tmp_path / "order.csv").write_text("serial\nKX400009..KX400000\n")
-    with pytest.raises(FileError, match=r"order\.csv"), inline_service(tmp_path):
-        pass
 
 
 TEXT = "KX40"

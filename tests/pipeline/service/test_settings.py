@@ -4,16 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.common.settings import SettingsError
-from pipeline.service.settings import (
-    MqttSettings,
-    ServiceSettings,
-    TcpSettings,
-    TlsSettings,
-    WatchSettings,
-    host_and_port,
-    is_loopback,
-)
+from pipeline.service.settings import MqttSettings, ServiceSettings, TcpSettings, host_and_port, is_loopback
 from pipeline.service.stage.devices import is_driver
 from pipeline.workers.machine import LEAST_UPLOAD, Machine
 
@@ -37,45 +28,13 @@ def test_tokens_are_asked_for_where_others_can_call(host: str, alone: bool) -> N
     assert ServiceSettings(host=host, tokens="on").tokens_asked
 
 
-def test_the_opc_ua_server_has_the_certificate_of_tls_unless_it_has_its_own(tmp_path: Path) -> None:
-    certificate, key = tmp_path / "tls.pem", tmp_path / "tls.key"
-    key.touch()
-    tls = {"certificate": certificate}
+def test_the_opc_ua_server_has_the_certificate_of_tls_unless_it_has_its_own() -> None:
+    tls = {"certificate": "tls.pem", "key": "tls.key"}
     both = ServiceSettings(tls=tls, opcua={"port": "0.0.0.0:4840", "users": {"line": "x"}})  # type: ignore[arg-type]
-    assert (both.opcua_server.certificate, both.opcua_server.key) == (certificate, key)
+    assert (both.opcua_server.certificate, both.opcua_server.key) == (Path("tls.pem"), Path("tls.key"))
     own = ServiceSettings(tls=tls, opcua={"certificate": "own.der", "key": "own.pem"})  # type: ignore[arg-type]
     assert (own.opcua_server.certificate, own.opcua_server.key) == (Path("own.der"), Path("own.pem"))
     assert ServiceSettings().opcua_server.certificate is None
-
-
-@pytest.mark.parametrize("name", ["press.key", "key.pem", "privkey.pem"])
-def test_the_key_of_tls_stands_beside_its_certificate_or_in_its_file(tmp_path: Path, name: str) -> None:
-    tls = TlsSettings(certificate=tmp_path / "press.pem")
-    assert tls.key == tls.certificate
-    (tmp_path / name).touch()
-    assert tls.key == tmp_path / name
-    assert TlsSettings().key is None
-
-
-def test_files_of_the_folder_are_found_by_their_stems_those_of_the_line_first(tmp_path: Path) -> None:
-    settings = ServiceSettings(folder=tmp_path, line_name="press-7")
-    (tmp_path / "orders.csv").touch()
-    (tmp_path / "order-press-8.csv").touch()
-    assert settings.file_of_folder("order") is None
-    (tmp_path / "order.csv").touch()
-    assert settings.file_of_folder("order") == tmp_path / "order.csv"
-    (tmp_path / "order-press-7.txt").touch()
-    assert settings.file_of_folder("order") == tmp_path / "order-press-7.txt"
-    (tmp_path / "order-press-7.xlsx").touch()
-    with pytest.raises(SettingsError, match=r"order-press-7\.txt and order-press-7\.xlsx; leave the one"):
-        settings.file_of_folder("order")
-
-
-def test_a_star_at_the_end_of_the_watched_folder_leaves_its_subfolders_out(tmp_path: Path) -> None:
-    whole, alone = WatchSettings(folder=tmp_path), WatchSettings(folder=tmp_path / "*")
-    assert (whole.top, whole.recurse) == (tmp_path, True)
-    assert (alone.top, alone.recurse) == (tmp_path, False)
-    assert WatchSettings().top is None
 
 
 def test_the_path_of_the_brokers_address_is_the_first_level_of_the_topics() -> None:

@@ -37,16 +37,9 @@ class Bench:
     """A folder, and a service that looks at it when it is told to; `anew` is a restart."""
 
     def __init__(
-        self,
-        folder: Path,
-        served: Served,
-        *,
-        a_set: int = 0,
-        settle_s: float = 0.0,
-        recurse: bool = True,
-        **settings: bool,
+        self, folder: Path, served: Served, *, a_set: int = 0, settle_s: float = 0.0, **settings: bool
     ) -> None:
-        self.folder, self.recurse = folder / "in", recurse
+        self.folder = folder / "in"
         self.folder.mkdir()
         service, client = served
         self.intake, self.store, self.portal = service.intake, service.store, client.portal
@@ -66,8 +59,7 @@ class Bench:
         return await self._receive(new, photos, **more)
 
     def anew(self) -> None:
-        folder = self.folder if self.recurse else self.folder / "*"
-        settings = WatchSettings(folder=folder, job="housing-left", **self.settings)
+        settings = WatchSettings(folder=self.folder, job="housing-left", **self.settings)
         self.watched = WatchedFolder(settings, self.intake, most_bytes=1000, at_once=1)
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
@@ -547,7 +539,7 @@ def test_subfolders_that_are_not_watched_are_named(tmp_path: Path, served: Serve
     with structlog.testing.capture_logs() as logs:
         assert bench.look(3) == ["a"]
     assert [(log["name"], log["why"]) for log in logs if "passed over" in log["event"]] == [
-        ("day", "is a folder, and watch.folder ends in /*")
+        ("day", "is a folder, and watch.recurse is off")
     ]
 
 

@@ -6,7 +6,6 @@ import asyncio
 import json
 import time
 from collections.abc import Awaitable, Callable
-from pathlib import Path
 
 import pytest
 from starlette.applications import Starlette
@@ -14,12 +13,11 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
-from glyphs.errors import FileError
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.outputs.dispatch import DeliveryError, Pace
-from pipeline.service.outputs.webhook import WebhookSender, secret_of, signature
-from pipeline.service.settings import ServiceSettings, WebhookSettings
+from pipeline.service.outputs.webhook import WebhookSender, signature
+from pipeline.service.settings import WebhookSettings
 from tests.support.line_fakes import serving
 from tests.support.waiting import free_port
 
@@ -53,7 +51,7 @@ def answers(*statuses: int, headers: dict[str, str] | None = None) -> Answering:
 
 
 def sender_to(url: str, secret: str = "", **options: float) -> WebhookSender:
-    return WebhookSender(WebhookSettings.model_construct(url=url), secret, **options)
+    return WebhookSender(WebhookSettings.model_construct(url=url, secret=secret), **options)  # type: ignore[arg-type]
 
 
 def error_of(url: str, **options: float) -> DeliveryError:
@@ -90,17 +88,6 @@ def test_the_signature_is_that_of_standard_webhooks() -> None:
     assert made == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
     with pytest.raises(SettingsError, match="base64"):
         sender_to("http://127.0.0.1", "whsec_no base64!")
-
-
-def test_the_secret_stands_in_the_services_folder(tmp_path: Path) -> None:
-    settings = ServiceSettings(folder=tmp_path)
-    assert secret_of(settings) == ""
-    (tmp_path / "webhook.key").write_text(f"{SECRET}\n")
-    assert secret_of(settings) == SECRET
-    for wrong, says in ((b"", "is empty"), (b"\xff\xfe", "cannot be read")):
-        (tmp_path / "webhook.key").write_bytes(wrong)
-        with pytest.raises(FileError, match=f"webhook.key: {says}"):
-            secret_of(settings)
 
 
 def test_a_delivery_is_posted_signed_and_can_be_told_from_others() -> None:
