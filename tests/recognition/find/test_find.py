@@ -21,7 +21,7 @@ from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
 from recognition.find.deadline import Deadline
-from recognition.find.find import apart, find, search_of
+from recognition.find.find import apart, find, read_lines, search_of
 from recognition.find.ink import on_ink
 from recognition.find.line_variants import bend, move_line
 from recognition.find.part_lines import PartLines
@@ -182,6 +182,13 @@ def test_a_line_that_is_text_without_the_format_grows_to_the_serial_of_the_forma
     assert promise_of(forced) < 0.0
     main = find([VIEW], request_of("AAA9999"), about=(half,)).main
     assert main.lattice.text == "KXB4071"
+
+
+def test_another_layout_is_looked_for_only_where_the_lines_count() -> None:
+    found = read_lines([VIEW], request_of("99AA99"))
+    whole, together = found.with_layout(), find_in(VIEW, "99AA99")
+    assert 5 < found.lines.looks < whole.looks == together.looks
+    assert whole.layout == together.layout
 
 
 def test_looks_are_counted_and_end_at_a_limit() -> None:

@@ -11,7 +11,8 @@ from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap
-from recognition.find.finder import Finder, overlap
+from recognition.find import finder
+from recognition.find.finder import Finder, findings, overlap
 from recognition.see.levelling import level
 from recognition.see.text_line import TextLine
 from recognition.see.view import heights_view
@@ -91,6 +92,22 @@ def test_a_slanted_line_is_found_on_slanted_axes(turned_deg: float, make_part: M
     middle = first.centre_mm[[0, -1]].mean(axis=0)
     boxes = np.array(part.boxes_mm)
     assert middle == pytest.approx(0.5 * (boxes[:, :2] + boxes[:, 2:]).mean(axis=0), abs=END_HEIGHTS * 5.0)
+
+
+def test_the_network_runs_once_at_each_scale_of_each_rotation(
+    make_part: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view, runs = heights_view(level(make_part("K7B29X4").height_map)), []
+    monkeypatch.setattr(finder, "findings", lambda views: runs.append(views) or findings(views))
+    once = Finder(view)
+    once.lines()
+    level_runs = len(runs)
+    once.lines(faint=True)
+    assert len(runs) == level_runs > 0
+    once.turned(90.0)
+    turned_runs = len(runs)
+    once.turned(90.0)
+    assert len(runs) == turned_runs > level_runs
 
 
 @pytest.mark.parametrize("roughness_mm", [0.0, 0.0005, 0.002])
