@@ -37,38 +37,30 @@ Source = Literal["tactile", "vision"]
 
 
 class DecisionSettings(Protocol):
-    """Settings that a decision needs."""
+    """Settings that a decision needs, as `recognition.settings.ReaderSettings` has them."""
 
     @property
-    def fonts(self) -> Sequence[object]:
-        """The named fonts; empty if they are unknown."""
+    def fonts(self) -> Sequence[object]: ...
 
     @property
-    def grammar(self) -> Grammar | None:
-        """Format of the serial; None without one."""
+    def grammar(self) -> Grammar | None: ...
 
     @property
-    def line_formats(self) -> Mapping[str, LineFormat]:
-        """Further lines that the part should have, by name."""
+    def line_formats(self) -> Mapping[str, LineFormat]: ...
 
     @property
-    def orientation(self) -> Orientation:
-        """Possible orientations of the parts."""
+    def orientation(self) -> Orientation: ...
 
     @property
-    def depth_rules(self) -> Sequence[DepthRule]:
-        """Rules for the depth of the mark."""
+    def depth_rules(self) -> Sequence[DepthRule]: ...
 
     @property
-    def certified(self) -> CertifiedAcceptance | None:
-        """Limits of a certificate; None without one."""
+    def certified(self) -> CertifiedAcceptance | None: ...
 
     @property
-    def accept_risk(self) -> float:
-        """Greatest share of wrong readings among those accepted."""
+    def accept_risk(self) -> float: ...
 
-    def least_score(self, source: str) -> float:
-        """Least score from which a text of a source of readings is accepted, or counts as sure."""
+    def least_score(self, source: str) -> float: ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,8 +3,7 @@ r"""Strips without physics: a sketch as a tip would feel it and as a camera woul
     text --glyphs.sketch--> surface, ink, dirt --tip--> felt
                                                \--light, lens--> photograph
 
-A sketch is much faster than a simulated scan. It shares no code with the generator of parts, its soils or its
-camera, so a network that learns from both does not learn the habits of one.
+A network that learns from these and from parts, which share no code with them, does not learn the habits of one.
 """
 
 from __future__ import annotations
