@@ -175,11 +175,6 @@ class WorkPool(Executor):
     def running(self) -> int:
         return sum(slot.job is not None for slot in self._slots)
 
-    @property
-    def pids(self) -> tuple[int, ...]:
-        workers = [slot.worker for slot in self._slots]
-        return tuple(w.process.pid for w in workers if w is not None and w.is_alive and w.process.pid)
-
     def ready(self) -> bool:
         """Whether any worker is warm; one that is being replaced does not make the service unready."""
         return not self._closing.is_set() and any(slot.warm for slot in self._slots)

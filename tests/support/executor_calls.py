@@ -7,9 +7,12 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tests.support.waiting import wait_until
+
+if TYPE_CHECKING:
+    from pipeline.workers.pool import WorkPool
 
 # ---------------------------------------------------------------------------------------------------- executor calls
 
@@ -59,6 +62,12 @@ def noted(folder: str, task: int) -> int:
 # -------------------------------------------------------------------------------------------------------- pool calls
 
 
+def pids_of(pool: WorkPool) -> tuple[int, ...]:
+    """Process ids of the living workers of a pool."""
+    workers = [slot.worker for slot in pool._slots]
+    return tuple(w.process.pid for w in workers if w is not None and w.is_alive and w.process.pid)
+
+
 def parent(marks: str) -> None:
     """A service with two workers, one of them at work, until it is killed: tells their processes in a file."""
     from pipeline.workers.pool import WorkPool
@@ -67,7 +76,7 @@ def parent(marks: str) -> None:
     wait_until(pool.all_ready)
     pool.submit(time.sleep, 600.0)
     path = Path(marks)
-    path.with_suffix(".tmp").write_text(" ".join(map(str, pool.pids)))
+    path.with_suffix(".tmp").write_text(" ".join(map(str, pids_of(pool))))
     path.with_suffix(".tmp").rename(path)
     time.sleep(600.0)
 

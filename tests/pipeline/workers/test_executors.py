@@ -17,7 +17,7 @@ from pipeline.workers.executors import Executor, ordered_map
 from pipeline.workers.interrupts import interrupts_noted, raise_interrupt
 from pipeline.workers.options import WorkerSettings
 from pipeline.workers.pool import WorkPool
-from tests.support.executor_calls import dies_of_seven, dies_once, doubled, late_first, odd_fails
+from tests.support.executor_calls import dies_of_seven, dies_once, doubled, late_first, odd_fails, pids_of
 
 COUNT = 20
 
@@ -96,7 +96,7 @@ def test_no_more_workers_than_parts_and_none_before_there_is_work(
 ) -> None:
     with WorkerSettings(jobs=jobs).opened(parts) as executor:
         assert isinstance(executor, WorkPool)
-        assert (executor.workers, executor.pids) == (workers, ())
+        assert (executor.workers, pids_of(executor)) == (workers, ())
 
 
 class Forgets:

@@ -48,11 +48,11 @@ def test_what_cannot_be_pickled_is_told(pool: WorkPool) -> None:
 
 
 def test_memory_is_bounded(pool: WorkPool) -> None:
-    before = pool.pids
+    before = calls.pids_of(pool)
     with pytest.raises(MemoryError):
         pool.submit(calls.take_memory, 4096).result(PATIENCE_S)
     assert pool.submit(calls.take_memory, 100).result(PATIENCE_S) == 100 << 20
-    assert pool.pids == before
+    assert calls.pids_of(pool) == before
 
 
 def test_workers_use_one_thread_and_leave_interrupts_to_the_service(pool: WorkPool) -> None:
@@ -112,7 +112,7 @@ def test_killed_worker_costs_its_own_job_only_and_an_idle_one_none(pool: WorkPoo
     idle = waiting.result(PATIENCE_S)
     assert idle != int(mark.read_text())
     os.kill(idle, signal.SIGKILL)
-    wait_until(lambda: pool.pids not in ((), (idle,)) and pool.ready())
+    wait_until(lambda: calls.pids_of(pool) not in ((), (idle,)) and pool.ready())
     assert pool.submit(os.getpid).result(PATIENCE_S) != idle
 
 
@@ -158,7 +158,7 @@ def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
     pool = WorkPool(1, queue=5, timeout_s=PATIENCE_S)
     jobs = [pool.submit(time.sleep, 0.05) for _ in range(4)]
     wait_until(pool.all_ready)
-    pids = pool.pids
+    pids = calls.pids_of(pool)
     pool.close(PATIENCE_S)
     assert [job.result(0.0) for job in jobs] == [None] * 4
     assert not any(is_alive(pid) for pid in pids)
@@ -170,8 +170,8 @@ def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
 
 def test_closing_does_not_wait_for_a_worker_that_would_have_nothing_to_do() -> None:
     pool = WorkPool(1, queue=1, timeout_s=PATIENCE_S, warm_up=partial(time.sleep, PATIENCE_S))
-    wait_until(lambda: pool.pids)
-    (pid,) = pool.pids
+    wait_until(lambda: calls.pids_of(pool))
+    (pid,) = calls.pids_of(pool)
     begun = time.monotonic()
     pool.close(PATIENCE_S)
     assert time.monotonic() - begun < PATIENCE_S / 2
