@@ -261,7 +261,11 @@ def test_a_setting_without_a_flag_is_named_with_its_other_places(capsys: pytest.
         ("TACTILE_MARKS_SERVICE_PROT", "1", "TACTILE_MARKS_SERVICE_PROT.*did you mean port"),
         ("TACTILE_MARKS_SERVICE_JOBS", "1", r"TACTILE_MARKS_SERVICE_JOBS.*did you mean jobs in \[workers\]"),
         ("TACTILE_MARKS_SERVICE_OPCUA_USERS", "[", "TACTILE_MARKS_SERVICE_OPCUA_USERS"),
-        ("TACTILE_MARKS_SERVICE_WEBHOOK_SECRET", "x", r"did you mean folder \(the secret stands in webhook\.key"),
+        (
+            "TACTILE_MARKS_SERVICE_WEBHOOK_SECRET",
+            "x",
+            r"did you mean folder \(the secret stands in webhook\.key",
+        ),
     ],
 )
 def test_a_bad_environment_is_an_error_with_its_variable(
