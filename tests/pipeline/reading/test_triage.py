@@ -76,7 +76,7 @@ def test_it_is_over_when_the_latest_parts_are_sound() -> None:
 def read_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whose font it is takes long and is not the subject."""
     gothic = Reader(ReaderSettings(fonts=("gothic",), experts=("network",)))
-    monkeypatch.setattr("pipeline.reading.readers.Reader", lambda: gothic)
+    monkeypatch.setattr("recognition.reader.Reader", lambda: gothic)
 
 
 def test_dirt_does_not_make_the_characters_taller(monkeypatch: pytest.MonkeyPatch) -> None:
