@@ -91,7 +91,6 @@ class PlateGrid(OneLine):
 
     @property
     def origin_mm(self) -> tuple[float, float]:
-        """(x, y) of the first pixel."""
         return float(self.x_mm[0]), float(self.y_mm[0])
 
 

@@ -115,7 +115,6 @@ class Identified(OneLine):
 
     @property
     def sd(self) -> Floats:
-        """(n,) standard deviations of the numbers."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -131,7 +130,6 @@ class Identified(OneLine):
         return float(np.sqrt(np.mean(squares[: int((1.0 - _WORST) * squares.size)])))
 
     def of(self, name: Unknown) -> tuple[float, float]:
-        """Return a number and its standard deviation."""
         return self.bench[name], float(self.sd[list(Unknown).index(name)])
 
     def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:

@@ -57,7 +57,6 @@ class RecordingReader(CheckedFile):
         self._pushed = self.integers("passes/pushed", self._n_passes, default=0) != 0
 
     def scan(self) -> Scan:
-        """Read the whole file as a Scan. Raises FileError: the file does not follow the layout."""
         units = self.text("units", "N*mm")
         known = (*UNIT_N_MM, VOLT)
         self.require(units in known, f"units are {units!r}", f"use one of {', '.join(known)}")

@@ -95,5 +95,4 @@ class SimulatedSession:
         )
 
     def close(self) -> None:
-        """Release the part."""
         self._part = None

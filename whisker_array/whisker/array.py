@@ -81,11 +81,9 @@ class WhiskerArray(Comb):
 
 @dataclass(frozen=True, repr=False)
 class RasterPlan(OneLine, Validated, error=WhiskerError):
-    """Raster of an array over a rectangle of the plate.
+    """Raster of an array over a rectangle of the plate, whose lines the whiskers share.
 
-    Attributes:
-        each_whisker: whether every whisker crosses the whole region, as for a test piece narrower than the comb; by
-            default the whiskers share it.
+    With `each_whisker` every whisker crosses the whole region, as for a test piece narrower than the comb.
     """
 
     array: WhiskerArray
@@ -124,7 +122,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     @property
     def sample_rate_hz(self) -> float:
-        """Sample rate of the converter."""
         return self.speed_mm_s / self.sample_pitch_mm
 
     def sweeps(self) -> tuple[SweepPlan, ...]:
@@ -132,7 +129,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         return tuple(replace(first.sweep_plan(), line_mm=line_mm) for first, line_mm in self._ways())
 
     def passes(self) -> tuple[Pass, ...]:
-        """The single passes of the array, in the order in which they are run."""
         return tuple(
             replace(first, line_mm=tuple(lines))
             for first, line_mm in self._ways()
@@ -181,12 +177,10 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     @property
     def n_passes(self) -> int:
-        """Number of passes of the array."""
         return sum(s.line_mm.shape[0] for s in self.sweeps())
 
     @property
     def scan_time_s(self) -> float:
-        """Time of the whole scan."""
         return math.fsum(len(line_mm) * first.stage_s for first, line_mm in self._ways())
 
 

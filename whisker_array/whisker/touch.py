@@ -40,7 +40,6 @@ class Touch(OneLine, Validated, error=WhiskerError):
         return normal * float(self.tip.moment_arm_mm @ force)
 
     def with_whisker(self, whisker: Whisker) -> Touch:
-        """Return the same touch with another whisker."""
         return replace(self, tip=whisker.tip_model(), whisker=whisker.describe())
 
     def key(self) -> tuple[float, ...]:

@@ -83,15 +83,12 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
 
 
 def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, parts: int = 24) -> float:
-    """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5.
+    """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5; rotary inertia is left out.
 
-    Mass is lumped at the joints of `parts` pieces per segment. For a straight whisker the result is within 0.2 % of
-    3.516 / (2 pi l^2) sqrt(EI / rho A). Rotary inertia is left out.
-
-    Args:
-        tip_held: whether contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
-            frequency of a straight whisker is then 4.4 times higher. Its sideways frequency, the lowest of round
-            wire, does not change.
+    Mass is lumped at the joints of `parts` pieces per segment: a straight whisker is within 0.2 % of 3.516 / (2 pi l^2)
+    sqrt(EI / rho A). `tip_held`: contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
+    frequency of a straight whisker is then 4.4 times higher; its sideways frequency, the lowest of round wire, does not
+    change.
     """
     lumped = lumped_whisker(whisker, parts=parts)
     weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)
