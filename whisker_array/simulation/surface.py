@@ -126,7 +126,7 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
     return replace(
         surface,
         fields=_orient(surface.fields, direction),
-        dropout=np.ascontiguousarray(dropout) if dropout.any() else np.zeros(dropout.shape, dtype=np.bool_),
+        dropout=np.ascontiguousarray(dropout),
         yielding=None if surface.yielding is None else _orient(surface.yielding, direction),
     )
 

@@ -161,14 +161,13 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
         whiskers = self.array.n_whiskers
         if self.each_whisker:
-            first = np.arange((1 - whiskers) * self.interlace, n_lines, dtype=np.float64)
-            line_mm = low + self.line_pitch_mm * (first[:, None] + self.interlace * np.arange(whiskers))
-            return np.tile(line_mm, (1, self.array.kinds))
-        per_block = whiskers * self.interlace
-        block, shift, whisker = np.ogrid[: math.ceil(n_lines / per_block), : self.interlace, :whiskers]
-        index = block * per_block + whisker * self.interlace + shift
-        line_mm = low + self.line_pitch_mm * index.reshape(-1, whiskers).astype(np.float64)
-        return np.tile(line_mm, (1, self.array.kinds))
+            first = np.arange((1 - whiskers) * self.interlace, n_lines)
+            index = first[:, None] + self.interlace * np.arange(whiskers)
+        else:
+            per_block = whiskers * self.interlace
+            block, shift, whisker = np.ogrid[: math.ceil(n_lines / per_block), : self.interlace, :whiskers]
+            index = (block * per_block + whisker * self.interlace + shift).reshape(-1, whiskers)
+        return np.tile(low + self.line_pitch_mm * index, (1, self.array.kinds))
 
     @property
     def n_samples(self) -> int:

@@ -29,9 +29,16 @@ from glyphs.errors import MarksError
 from glyphs.ranges import Finite, Validated, freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
-from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix, require_plane
+from whisker_array.whisker.beam import (
+    Matrix,
+    Segment,
+    Vector,
+    chain_compliance,
+    cross_matrix,
+    require_plane,
+)
 from whisker_array.whisker.sections import Taper
-from whisker_array.whisker.shapes import Matrix, Vector, Whisker
+from whisker_array.whisker.shapes import Whisker
 
 LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
 """Limits of a load step: greatest lift in whole lengths, greatest rotation, smallest share of the first step."""

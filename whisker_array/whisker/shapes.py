@@ -22,15 +22,11 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.ranges import Finite, NotNegative, Positive, Validated, freeze_arrays
 from glyphs.surface.display import OneLine
-from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
+from whisker_array.whisker.beam import Matrix, Segment, Vector, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, UPRIGHT, Material, SectionLike, WhiskerError
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

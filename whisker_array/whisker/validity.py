@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glyphs.ranges import Range, require_range
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
-from whisker_array.whisker.beam import cross_matrix
+from whisker_array.whisker.beam import Matrix, Vector, cross_matrix
 from whisker_array.whisker.sections import WhiskerError
-from whisker_array.whisker.shapes import Matrix, Vector, Whisker
+from whisker_array.whisker.shapes import Whisker
 
 DEFLECTION_LIMIT = 0.1
 """Largest tip deflection over l1 under Assumption 1."""
@@ -58,8 +59,7 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
     strain^T strain is the flexibility. It is exact for constant sections: M = r x f is linear along a piece, so two
     Gauss points suffice.
     """
-    if parts < 1:
-        raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
+    require_range(WhiskerError, Range(1, math.inf, "it must be at least 1"), parts=parts)
     segments = whisker.segments()
     middle = (np.arange(parts) + 0.5) / parts
     gauss = (middle[:, None] + np.array([-1.0, 1.0]) * math.sqrt(1.0 / 12.0) / parts).ravel()
