@@ -20,7 +20,7 @@ from glyphs.surface.maps import TraceDirection
 from pipeline.bench.controller import Controller
 from pipeline.bench.firmwares import Grbl, Marlin
 from pipeline.bench.line_daq import LineDaq
-from pipeline.bench.moves import Moves, check_limits, moves_of
+from pipeline.bench.moves import Moves, check_limits, comb_turn_deg, first_is_last, moves_of
 from pipeline.bench.ni_daq import NiDaq
 from pipeline.bench.sampling import Record, beyond, samples
 from pipeline.bench.settings import BenchSettings
@@ -31,7 +31,7 @@ from whisker_array.scan.session import Fitting, StageSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.array import LINES_PER_HEIGHT, PIECE_LINES, default_plan
 from whisker_array.whisker.passes import Pass
 
 _CONTROLLERS: dict[str, type[Controller]] = {"grbl": Grbl, "marlin": Marlin}
@@ -160,12 +160,29 @@ class BenchSession:
 
 
 def raster_passes(
-    fitting: Fitting, region_mm: tuple[float, float, float, float], directions: Iterable[TraceDirection]
+    fitting: Fitting,
+    region_mm: tuple[float, float, float, float],
+    directions: Iterable[TraceDirection],
+    *,
+    each_whisker: bool = False,
 ) -> tuple[Pass, ...]:
-    """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb."""
-    usual = default_plan(region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions))
+    """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb.
+
+    With `each_whisker` every whisker crosses the whole region, there and back, on the lines of a test piece; the lines
+    of a pass are in the order of the whiskers, however the comb is turned, so that each keeps its column.
+    """
+    usual = default_plan(
+        region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions), two_way=each_whisker,
+        lines_per_height=PIECE_LINES if each_whisker else LINES_PER_HEIGHT,
+    )  # fmt: skip
     between = math.ceil(fitting.array.pitch_mm / usual.line_pitch_mm - 1e-9)
-    return replace(usual, array=fitting.array, line_pitch_mm=fitting.array.pitch_mm / between).passes()
+    plan = replace(usual, array=fitting.array, line_pitch_mm=fitting.array.pitch_mm / between)
+    if not each_whisker:
+        return plan.passes()
+    return tuple(
+        replace(order, line_mm=order.line_mm[::-1]) if first_is_last(comb_turn_deg(order)) else order
+        for order in replace(plan, each_whisker=True).passes()
+    )
 
 
 def feel_all(

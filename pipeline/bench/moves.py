@@ -91,11 +91,21 @@ class Moves:
     air_s: float
 
 
+def comb_turn_deg(order: Pass) -> int:
+    """Turn of the comb for a pass, degrees."""
+    return (int(order.direction) + (180 if order.pushed else 0)) % 360
+
+
+def first_is_last(turn_deg: int) -> bool:
+    """Whether the first whisker of a turned comb has the greatest coordinate across the trace."""
+    return turn_deg in (90, 180)
+
+
 def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
     """Compute the machine moves of a pass in the plate's frame; `preload_mm` is for one without a preload.
     Raises StageError: this comb or stage cannot run the pass, or it exceeds a limit."""
     stage = bench.stage
-    turn = (int(order.direction) + (180 if order.pushed else 0)) % 360
+    turn = comb_turn_deg(order)
     if turn and not stage.turn_axis:
         raise StageError(
             f"a pass along {int(order.direction)} degrees needs a comb that turns, and the stage has no turn_axis",
@@ -138,7 +148,7 @@ def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...]
     n, pitch = bench.comb.n_whiskers, bench.comb.pitch_mm
     lines = np.asarray(order.line_mm)
     middle = float(lines.mean())
-    way = 1.0 if turn in (0, 270) else -1.0
+    way = -1.0 if first_is_last(turn) else 1.0
     stands = middle + way * pitch * (np.arange(n) - 0.5 * (n - 1))
     if lines.size == n:
         whisker = np.abs(lines[:, None] - stands).argmin(axis=1)

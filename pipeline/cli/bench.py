@@ -6,6 +6,7 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -117,6 +118,7 @@ def scan(
     dry_run: Path | None = None,
     region: Region | None = None,
     directions: tuple[Literal[0, 90, 180, 270], ...] = (),
+    each_whisker: Flag = False,
     part_id: str = "",
     active: Flag = False,
     budget_s: float = 60.0,
@@ -136,6 +138,9 @@ def scan(
         x0 y0 x1 y1 in mm from the plate's corner (default: the bench's field).
     directions
         Trace directions in degrees (default: all four if the comb turns, else 0).
+    each_whisker
+        Move every whisker over the whole region, there and back, on lines a quarter of a character height apart: for
+        a test piece, which is narrower than the comb. The tips run beyond the region by the width of the comb.
     part_id
         Name of the part.
     active
@@ -149,21 +154,22 @@ def scan(
     from pipeline.bench.bench import feel_all, raster_passes
     from pipeline.bench.settings import read_bench
     from pipeline.cli.whisker import check_recording, scan_actively
+    from whisker_array.scan.read_recording import line_pitch_of
     from whisker_array.scan.recording import save_scan
     from whisker_array.whisker.array import ALL_DIRECTIONS
 
     if (out is None) == (dry_run is None):
         raise UsageError("bench scan: give --out, or --dry-run")
-    if active and (dry_run is not None or directions or region is not None):
+    if active and (dry_run is not None or directions or region is not None or each_whisker):
         raise UsageError(
-            "bench scan: --active chooses its passes", "leave out --dry-run, --region and --directions"
+            "bench scan: --active chooses its passes",
+            "leave out --dry-run, --region, --directions and --each-whisker",
         )
     settings = read_bench(bench)
     fitting = settings.fitting()
     possible = ALL_DIRECTIONS if settings.stage.turn_axis else ALL_DIRECTIONS[:1]
-    passes = raster_passes(
-        fitting, region or fitting.field_mm, [TraceDirection(d) for d in directions or possible]
-    )
+    ways = [TraceDirection(d) for d in directions or possible]
+    passes = raster_passes(fitting, region or fitting.field_mm, ways, each_whisker=each_whisker)
     if dry_run is not None:
         return _draw(passes, settings, dry_run)
     assert out is not None
@@ -178,7 +184,8 @@ def scan(
             on_pass=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
         )
         session.close()
-    save_scan(felt, out)
+    # lines of a test piece are further apart than those of the default raster
+    save_scan(replace(felt, line_pitch_mm=line_pitch_of(felt.sweeps)) if each_whisker else felt, out)
     print(f"wrote {out}")
 
 

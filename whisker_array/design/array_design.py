@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from typing import Annotated
 
 import numpy as np
@@ -24,7 +24,7 @@ from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, describe_directions, measured_plans
 from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, WhiskerArray, default_plan
-from whisker_array.whisker.comb import GAP_MM, Body, body_of, least_rows
+from whisker_array.whisker.comb import Body, Comb, body_of, least_rows, least_stagger_mm
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.sections import Rectangle
 from whisker_array.whisker.shapes import LShaped
@@ -71,7 +71,6 @@ class ArrayChoice(OneLine):
 
     @property
     def stage_s(self) -> float:
-        """Stage time of one serial."""
         return self.plan.scan_time_s
 
 
@@ -80,47 +79,27 @@ def ribbon_mm(whisker: LShaped) -> float:
     return 2.0 * whisker.segments()[0].section_at(0.0).c_lateral_mm
 
 
-@dataclass(frozen=True, eq=False)
-class _Build:
-    whisker: LShaped
-    body: Body
-    speed_mm_s: float
-    step_mm: float
-
-    def stagger_mm(self, rows: int) -> float:
-        if rows == 1:
-            return 0.0
-        full = math.ceil(self.body.full_stagger_mm / self.step_mm)
-        for k in range(1, full):
-            behind = (k * apart for apart in range(1, rows) if k * apart < full)
-            if all(_air_mm(self.body, steps * self.step_mm) >= GAP_MM for steps in behind):
-                return k * self.step_mm
-        return full * self.step_mm
+@cache
+def _stagger_mm(body: Body, rows: int, step_mm: float) -> float:
+    # any two of the rows that `least_rows` takes overlap sideways
+    return least_stagger_mm(body, Comb(rows, body.width_mm / rows, rows=rows), step_mm=step_mm)
 
 
-@lru_cache(maxsize=1024)
-def _air_mm(body: Body, behind_mm: float) -> float:
-    return body.clear_mm(behind_mm)
-
-
-def _builds(request: ArrayRequest) -> Iterator[_Build]:
+def _builds(request: ArrayRequest) -> Iterator[tuple[LShaped, Body]]:
     h = request.character_height_mm
     usual, touch = default_whisker(h), default_touch(h)
     thick = 2.0 * usual.segments()[0].section_at(0.0).c_vertical_mm
-    step = COMB_STEP_HEIGHTS * h
-    speed = float(np.interp(request.speed_error, list(SPEED_BY_ERROR), list(SPEED_BY_ERROR.values())))
     for width in WIDTHS_THICKNESSES:
         for beta in BETAS_DEG:
             section = Rectangle(thickness_mm=thick, width_mm=width * thick)
             whisker = replace(usual, section=section, beta_rad=math.radians(beta))
-            body = body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
-            yield _Build(whisker, body, speed, step)
+            yield whisker, body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
 
 
-def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:
+def _interlaces(request: ArrayRequest, body: Body, *, n_whiskers: int, lines: int) -> set[int]:
     pitch = request.character_height_mm / lines
     x0, y0, x1, y1 = request.region_mm
-    interlaces = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}
+    interlaces = {math.ceil(body.side_room_mm / pitch - 1e-9)}
     for across in (x1 - x0, y1 - y0):
         n_lines = math.floor(across / pitch + 1e-6) + 1
         interlaces |= {math.ceil(n_lines / (n_whiskers * blocks)) for blocks in range(1, MOST_BLOCKS + 1)}
@@ -128,21 +107,25 @@ def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines:
 
 
 def _choices(
-    request: ArrayRequest, builds: Sequence[_Build], plans: Sequence[PlanCounts], n_whiskers: int
+    request: ArrayRequest,
+    builds: Sequence[tuple[LShaped, Body]],
+    plans: Sequence[PlanCounts],
+    n_whiskers: int,
 ) -> Iterator[ArrayChoice]:
     h = request.character_height_mm
+    speed = float(np.interp(request.speed_error, list(SPEED_BY_ERROR), list(SPEED_BY_ERROR.values())))
     for counts in plans:
-        directions = tuple(TraceDirection(d) for d in counts.directions)
-        for build in builds:
-            usual = default_plan(
-                request.region_mm, character_height_mm=h, n_whiskers=1, directions=directions,
-                speed_mm_s=build.speed_mm_s, lines_per_height=counts.lines,
-            )  # fmt: skip
-            for interlace in _interlaces(request, build, n_whiskers=n_whiskers, lines=counts.lines):
+        usual = default_plan(
+            request.region_mm, character_height_mm=h, n_whiskers=1, speed_mm_s=speed,
+            directions=tuple(TraceDirection(d) for d in counts.directions), lines_per_height=counts.lines,
+        )  # fmt: skip
+        for whisker, body in builds:
+            for interlace in _interlaces(request, body, n_whiskers=n_whiskers, lines=counts.lines):
                 pitch = interlace * usual.line_pitch_mm
-                rows = least_rows(build.body, pitch_mm=pitch, n_whiskers=n_whiskers)
-                points = WhiskerArray(n_whiskers, pitch, rows=rows, stagger_mm=build.stagger_mm(rows))
-                yield ArrayChoice(build.whisker, replace(usual, array=points), counts)
+                rows = least_rows(body, pitch_mm=pitch, n_whiskers=n_whiskers)
+                stagger = _stagger_mm(body, rows, COMB_STEP_HEIGHTS * h)
+                points = WhiskerArray(n_whiskers, pitch, rows=rows, stagger_mm=stagger)
+                yield ArrayChoice(whisker, replace(usual, array=points), counts)
 
 
 def design_arrays(
@@ -168,7 +151,7 @@ def design_arrays(
             f"{describe_directions(best.directions)})",
         )
     builds = tuple(_builds(request))
-    bodies = {id(build.whisker): build.body for build in builds}
+    bodies = {id(whisker): body for whisker, body in builds}
     chosen = []
     for n in sizes:
         quickest = min(_choices(request, builds, accepted, n), key=lambda c: c.stage_s)

@@ -26,6 +26,8 @@ FINEST_WAVELENGTH_LINES = 4.0
 """Wavelength of the finest detail, in line pitches: a stroke of h/10 (as for `array.SAFE_SPEED_MM_S`)."""
 _FREQUENCY_PARTS = 3
 """Parts of the beam in the frequency model; the result is within 1 % of that of many parts, and lower."""
+_MOST = 1e6
+"""Stress, MPa, and force, N, of a whisker that jams: finite, for the search."""
 
 Values = NDArray[np.float64]
 
@@ -48,7 +50,6 @@ class Checked(OneLine):
         return out
 
     def rows(self) -> tuple[Constraint, ...]:
-        """The table: the worst value of each bound."""
         return tuple(
             Constraint(bound, float(value.max() if at_most else value.min()), limit, at_most)
             for bound, value in self.values.items()
@@ -82,9 +83,8 @@ def edge_steps(
     """Steps of the signal at the two lips of walls, over the land moment, by eq. (16).
 
     From m / m_land = (1 + h/d0) F: at the top lip, h = 0, the signal steps by F - 1; at the bottom lip, h = -depth, by
-    (F - 1)(1 - depth/d0).
-
-    Returns the absolute steps (2, n, m) at both lips, and F (n, m), for n angles and m frictions; NaN where it jams.
+    (F - 1)(1 - depth/d0). Returns the absolute steps (2, n, m) at both lips, and F (n, m), for n angles and m
+    frictions; NaN where it jams.
     """
     tip = _tip(whisker)
     slope = -np.tan(alpha_rad)
@@ -173,7 +173,6 @@ def check(
 
     All bounds are monotone in slope and friction, so it is enough to check the corners of the ranges (eq. (16) is a
     linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, but not in friction.
-
     `linear_error` is by default its first order times `error_scale`; `n_alpha` 1 is the gentlest slope only.
     """
     low, high = request.alpha_rad
@@ -208,8 +207,8 @@ def check(
     room = limits.clearance_depths * request.depth_mm
     table: dict[Bound, tuple[Values | float, float, bool]] = {
         Bound.JAMMING: (share[1:], limits.lift_share, False),
-        Bound.STRESS: (_finite(stress), whisker.material.yield_mpa / limits.safety, True),
-        Bound.FORCE: (_finite(force), limits.force_n, True),
+        Bound.STRESS: (np.fmin(stress, _MOST), whisker.material.yield_mpa / limits.safety, True),
+        Bound.FORCE: (np.fmin(force, _MOST), limits.force_n, True),
         Bound.GROOVE_FLOOR: (preload_mm, PRELOAD_MARGIN * request.depth_mm, False),
         Bound.DEFLECTION: (np.linalg.norm(d @ land, axis=0) / whisker.l1_mm, DEFLECTION_LIMIT, True),
         Bound.LINEAR_BEAM: (errors, limits.linear_error, True),
@@ -232,7 +231,3 @@ def check(
         values={bound: np.ravel(np.asarray(row[0], dtype=np.float64)) for bound, row in table.items()},
         limits={bound: (row[1], row[2]) for bound, row in table.items()},
     )
-
-
-def _finite(values: Values) -> Values:
-    return np.where(np.isfinite(values), np.minimum(np.nan_to_num(values, nan=1e6), 1e6), 1e6)

@@ -87,11 +87,9 @@ class Worst:
 class Design(OneLine):
     """A whisker, its use, and its distance from every limit.
 
-    Attributes:
-        worst: the edge with the least contrast by (16).
-        contrast_exact: the contrast of that edge with F by the elastica; NaN where it has no solution.
-        factor_range: least and greatest F over all walls and frictions of the request.
-        linear_error: largest error of the linear beam's force or moment on the land, as a share of the elastica's.
+    `contrast_exact` is that of the worst edge by (16) with F by the elastica, NaN where it has no solution;
+    `factor_range` is over all walls and frictions of the request; `linear_error` is the largest error of the linear
+    beam's force or moment on the land, as a share of the elastica's.
     """
 
     request: Request
@@ -109,7 +107,6 @@ class Design(OneLine):
 
     @property
     def contrast(self) -> float:
-        """The worst-case edge contrast, in land moments."""
         return self.worst.contrast
 
     @property
@@ -151,7 +148,8 @@ def design_whisker(
     """Design the whisker with the largest worst-case edge contrast (see the module). Raises NoWhiskerError."""
     limits = limits or Limits()
     kinds: tuple[SectionKind, ...] = ("ribbon", "round") if section == "auto" else (section,)
-    least, allowed = _least_round_slide_mm(request), limits.slide_lines * request.line_pitch_mm
+    least = PRELOAD_MARGIN * request.depth_mm * math.tan(request.alpha_rad[1])
+    allowed = limits.slide_lines * request.line_pitch_mm
     if least > allowed and section == "round":
         raise DesignError(
             "round wire bends sideways as easily as up and down: even at the least preload for this depth "
@@ -169,10 +167,6 @@ def design_whisker(
     return describe_design(
         candidate.whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm
     )
-
-
-def _least_round_slide_mm(request: Request) -> float:
-    return PRELOAD_MARGIN * request.depth_mm * math.tan(request.alpha_rad[1])
 
 
 def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:

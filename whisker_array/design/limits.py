@@ -99,7 +99,6 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def narrowest_wall_mm(self) -> float:
-        """Horizontal extent of the steepest wall."""
         return self.depth_mm / math.tan(self.alpha_rad[1])
 
     @property

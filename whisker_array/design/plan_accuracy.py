@@ -30,7 +30,6 @@ class PlanCounts(OneLine):
 
     @property
     def accuracy(self) -> float:
-        """Share of the characters that were read correctly."""
         return self.right / self.characters
 
     @property

@@ -69,7 +69,6 @@ class Problem(OneLine):
         return np.asarray([l1, k, list(lim.beta_rad), [0.0, top], t, a, d0], dtype=np.float64)
 
     def decode(self, x: Values) -> tuple[LShaped, float]:
-        """Return the whisker and preload of a point."""
         l1, k, t, aspect, d0 = (math.exp(x[i]) for i in (0, 1, 4, 5, 6))
         beta = float(x[2])
         axis = float(x[3]) * l1
@@ -80,7 +79,6 @@ class Problem(OneLine):
         return LShaped(l1, l1 * k, l3, beta, section, self.request.material), d0
 
     def encode(self, candidate: Candidate) -> Values:
-        """Return the point of a candidate, clipped to the box."""
         w = candidate.whisker
         t, width = _sides(w)
         axis = (w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm) / w.l1_mm
@@ -90,7 +88,6 @@ class Problem(OneLine):
         return np.asarray(np.clip(x, box[:, 0], box[:, 1]))
 
     def evaluate(self, whisker: LShaped, preload_mm: float) -> tuple[Values, Checked]:
-        """Compute the objective and constraints of a whisker in use."""
         checked = check(
             whisker, self.request, self.limits, preload_mm=preload_mm, error_scale=self.error_scale
         )
@@ -98,18 +95,14 @@ class Problem(OneLine):
         return np.nan_to_num(np.ravel(worth), nan=-1.0), checked
 
     def rate(self, whisker: LShaped, preload_mm: float) -> Candidate:
-        """Evaluate a whisker in use as a candidate."""
         worth, checked = self.evaluate(whisker, preload_mm)
         least = min(float(r.min()) for r in checked.reserve().values())
         return Candidate(whisker, preload_mm, float(worth.min()), least)
 
 
 def _sides(whisker: LShaped) -> tuple[float, float]:
-    section = whisker.section
-    if isinstance(section, Rectangle):
-        return section.thickness_mm, section.width_mm
-    assert isinstance(section, Round)
-    return section.diameter_mm, section.diameter_mm
+    section = whisker.segments()[0].section_at(0.0)
+    return 2.0 * section.c_vertical_mm, 2.0 * section.c_lateral_mm
 
 
 def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:

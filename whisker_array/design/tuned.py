@@ -48,14 +48,11 @@ class Kind(enum.Enum):
 
 @dataclass(frozen=True, repr=False)
 class Tuned(OneLine):
-    """A whisker for one inclination.
+    """A whisker for one inclination, and its F, (inclinations, frictions), NaN where it jams.
 
-    Attributes:
-        selectivity: least change of F over all frictions if the wall is ten degrees gentler or steeper (only gentler
-            for a threshold, or a null at the end of the range), in land moments.
-        table: F, (inclinations, frictions); NaN where the whisker jams.
-        place_rad: inclinations at which the moment vanishes (null) or F is singular (threshold), for these
-            frictions.
+    `selectivity` is the least change of F over all frictions, in land moments, if the wall is ten degrees gentler or
+    steeper (only gentler for a threshold, or a null at the end of the range). At `place_rad` the moment vanishes (null)
+    or F is singular (threshold), for the frictions of the table.
     """
 
     kind: Kind
@@ -120,15 +117,10 @@ def tune(
     section: Literal["auto", "ribbon", "round"] = "auto",
     seed: int = SEED,
 ) -> Tuned:
-    """Find the most selective whisker for one inclination within the limits of a design.
+    """Find the most selective whisker for one inclination within the limits of a design. Raises DesignError.
 
-    Args:
-        request: as in a design; a null must not jam on its walls, a threshold may jam on walls steeper than
-            alpha_rad.
-        kind: null or threshold; default: a null if the request has steeper walls, otherwise the more selective
-            kind.
-
-    Raises DesignError.
+    A null must not jam on the walls of the request; a threshold may, on walls steeper than alpha_rad. The default kind
+    is a null if the request has steeper walls, otherwise the more selective one.
     """
     if not NEIGHBOUR_RAD < alpha_rad <= STEEPEST_RAD:
         raise DesignError(

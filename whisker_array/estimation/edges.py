@@ -98,14 +98,12 @@ def edge_map(
     ideal: bool = False,
     within_mm: tuple[float, float, float, float] | None = None,
 ) -> EdgeMap:
-    """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction.
+    """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction. Raises MapError.
 
-    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored. Raises MapError.
-
-    Args:
-        register: remove play between back-and-forth and crossed passes if the maps show any.
-        ideal: use the nominal land moment of the touch, as in a prediction; nothing is estimated.
-        within_mm: (x0, y0, x1, y1) of the map, plate frame; the land is estimated from the whole scan.
+    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored. `register` removes play
+    between back-and-forth and crossed passes if the maps show any. `ideal` uses the nominal land moment of the touch,
+    as in a prediction; nothing is estimated. The map lies within (x0, y0, x1, y1) of the plate frame, if given; the
+    land is estimated from the whole scan.
     """
     scan = only(scan)
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]

@@ -26,20 +26,21 @@ Array = NDArray[np.float64]
 
 def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
     """G of m = lift G(theta), eqs. (11) and (14), N mm per mm; NaN where the force cannot lift the tip."""
-    t = np.tan(np.asarray(theta_rad, dtype=np.float64))
-    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
+    return _per_lift(tip.moment_arm_mm, theta_rad, tip)
+
+
+def _per_lift(of_force: Array, theta_rad: ArrayLike, tip: TipModel) -> Array:
+    t, row = np.tan(np.asarray(theta_rad, dtype=np.float64)), tip.compliance_mm_per_n[1]
     give = row[1] - row[0] * t
-    return np.where(give > 0.0, (arm[1] - arm[0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
+    return np.where(give > 0.0, (of_force[1] - of_force[0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
 
 
 def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
     """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
 
-    That is: G changes by at most the share `tolerance` between theta = 0 and 45 degrees.
-
-    Straight whiskers are profilers, (17), (18), unless they are so steep that stretch matters or that 45 degrees jam.
-    So is an L-shaped whisker whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are
-    equal.
+    That is: G changes by at most the share `tolerance` between theta = 0 and 45 degrees. Straight whiskers are
+    profilers, (17), (18), unless they are so steep that stretch matters or that 45 degrees jam. So is an L-shaped
+    whisker whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are equal.
     """
     level, leaning = moment_per_lift(np.array([0.0, np.pi / 4.0]), tip)
     return bool(np.isfinite(leaning) and abs(leaning - level) <= tolerance * abs(level))
@@ -55,9 +56,8 @@ def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
 def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
     """theta of the contact force from a differentiator's moment where the lift is known; broadcast shapes.
 
-    m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta); rad, NaN without a solution.
-
-    Raises WhiskerError for a profiler, whose moment does not depend on the lean.
+    m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta); rad, NaN without a solution. Raises
+    WhiskerError for a profiler, whose moment does not depend on the lean.
     """
     if is_profiler(tip):
         raise WhiskerError(
@@ -86,9 +86,8 @@ def friction_from_shapes(
 def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip: TipModel) -> Array:
     """mu on level land from one differentiator dragged and pushed back: mu changes sign, the gain cancels.
 
-    q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu).
-
-    NaN where no friction fits. Raises WhiskerError for a profiler, whose moment is the same both ways.
+    q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu). NaN where no friction
+    fits. Raises WhiskerError for a profiler, whose moment is the same both ways.
     """
     if is_profiler(tip):
         raise WhiskerError(
@@ -104,11 +103,7 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
 
 def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
     """Shift of the tip along x from its unloaded position, e_x.D11 f with e_y.D11 f = lift, mm."""
-    t = np.tan(np.asarray(theta_rad, dtype=np.float64))
-    d = tip.compliance_mm_per_n
-    give = d[1, 1] - d[1, 0] * t
-    ratio = np.where(give > 0.0, (d[0, 1] - d[0, 0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
-    return ratio * np.asarray(lift_mm, dtype=np.float64)
+    return _per_lift(tip.compliance_mm_per_n[0], theta_rad, tip) * np.asarray(lift_mm, dtype=np.float64)
 
 
 def _small_root(square: ArrayLike, linear: ArrayLike, constant: ArrayLike) -> Array:

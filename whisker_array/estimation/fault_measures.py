@@ -56,7 +56,6 @@ class SweepShares(OneLine):
         return quantile_of_known(self.share)
 
     def only(self, good: Mask) -> SweepShares:
-        """The sweep with the values of all other whiskers set to NaN."""
         if good.all():
             return self
         share, air = (np.where(good[:, None], values, np.nan) for values in (self.share, self.air))
@@ -86,12 +85,9 @@ def saturated(
 ) -> list[Mask]:
     """Masks (passes, whiskers, samples) of clipped samples in each sweep: runs at an end of a whisker's range.
 
-    Marks and noise reach the ends of the range for a sample or two, a clipped signal stands still there.
-
-    Args:
-        least_span: least range of a whisker's signal, share of the land's moment: a bare plate is level.
-        still: share of a whisker's other samples in runs from which its signal has no noise. Then the floors of marks
-            stand still, too, and for a profiler they are the end of the range.
+    Marks and noise reach the ends of the range for a sample or two, a clipped signal stands still there. A bare plate
+    is level: a signal must span `least_span` of the land's moment. A signal of whose other samples the share `still` is
+    in runs has no noise: the floors of marks stand still, too, and for a profiler they are the end of the range.
     """
     bad, shape = [s.flags != 0 for s in scan.sweeps], (1, scan.n_whiskers, 1)
     values = [np.where(b, np.nan, s.moment_n_mm) for b, s in zip(bad, scan.sweeps, strict=True)]

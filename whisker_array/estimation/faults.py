@@ -16,12 +16,11 @@ from operator import itemgetter
 import numpy as np
 
 from glyphs.surface.display import OneLine
-from glyphs.surface.maps import TraceDirection
 from whisker_array.estimation import fault_measures as measures
 from whisker_array.estimation import signal_measures as signals
 from whisker_array.estimation.estimate import moment_per_lift
 from whisker_array.estimation.fault_measures import Floats, Mask, SweepShares
-from whisker_array.scan.scan import Scan, only
+from whisker_array.scan.scan import Scan, add_flags, only
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.touch import Touch
 
@@ -33,7 +32,6 @@ class FaultKind(StrEnum):
     hint: str
 
     def __new__(cls, name: str, measure: str, hint: str) -> FaultKind:
-        """A kind of fault, equal to its name."""
         member = str.__new__(cls, name)
         member._value_, member.measure, member.hint = name, measure, hint
         return member
@@ -208,8 +206,8 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         sound = [f.only(good) for f in shares]
         n_spikes = measures.count_spikes(sound, least=limits.spike)
         if n_spikes >= limits.few_spikes:
-            bad = (measures.spikes(f, least=limits.spike) for f in sound)
-            sound = [replace(f, share=np.where(b, np.nan, f.share)) for f, b in zip(sound, bad, strict=True)]
+            bad = [measures.spikes(f, least=limits.spike) for f in sound]
+            sound = signals.without(sound, bad)
         loose = _above_others(measures.level_steps(sound), limits.loose_step, limits)
         firm = good & np.isnan(loose)
         gain = measures.gains([f.only(firm) for f in sound])
@@ -318,15 +316,14 @@ def _flag_saturated(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
     clipped = np.sum([mask.sum(axis=(0, 2)) for mask in masks], axis=0)
     if not clipped.any():
         return scan, ()
-    bit = np.uint8(SampleFlag.SATURATED)
-    sweeps = tuple(
-        replace(sweep, flags=sweep.flags | np.where(mask, bit, np.uint8(0)))
+    bits = {
+        sweep.plan.direction: mask * np.uint8(SampleFlag.SATURATED)
         for sweep, mask in zip(scan.sweeps, masks, strict=True)
-    )
+    }
     hit = int(np.count_nonzero(clipped))
     percent = 100.0 * float(clipped.sum()) * clipped.size / (hit * scan.n_samples)
     fault = _fault(FaultKind.SATURATED, percent, hit, clipped.size)
-    return replace(scan, sweeps=sweeps), (fault,)
+    return add_flags(scan, bits), (fault,)
 
 
 def _others(values: Floats) -> Iterator[Floats]:
@@ -385,26 +382,20 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
     """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part; clipped ones as saturated."""
     useless = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.REVERSED, FaultKind.DOUBLED)
     whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})
-    spiked: dict[TraceDirection, Mask] = {}
+    bad = np.uint8(SampleFlag.FAULTY)
+    spiked = {}
     if any(f.kind is FaultKind.SPIKES for f in faults):
         spiked = {
-            f.plan.direction: measures.spikes(f, least=limits.spike)[np.argsort(f.across)]
+            f.plan.direction: measures.spikes(f, least=limits.spike)[np.argsort(f.across)] * bad
             for f in measures.sweep_shares(only(scan))
         }
     scan = signals.flag_beyond_part(scan, least=limits.dead_level)
-    clipped = {}
     if any(f.kind is FaultKind.SATURATED for f in faults):
-        clipped = {s.plan.direction: s.flags for s in _flag_saturated(only(scan))[0].sweeps}
-    if not whiskers and not spiked and not clipped:
-        return scan
-    bad, columns = np.uint8(SampleFlag.FAULTY), np.flatnonzero(np.asarray(scan.kind) == 0)
-    sweeps = []
-    for sweep in scan.sweeps:
-        flags = sweep.flags.copy()
-        flags[:, whiskers] |= bad
-        if not sweep.plan.pushed and sweep.plan.direction in clipped:
-            flags[:, columns] |= clipped[sweep.plan.direction] & np.uint8(SampleFlag.SATURATED)
-        if not sweep.plan.pushed and sweep.plan.direction in spiked:
-            flags[:, columns] |= np.where(spiked[sweep.plan.direction], bad, np.uint8(0))
-        sweeps.append(replace(sweep, flags=flags))
-    return replace(scan, sweeps=tuple(sweeps))
+        clipped = _flag_saturated(only(scan))[0].sweeps
+        scan = add_flags(scan, {s.plan.direction: s.flags & np.uint8(SampleFlag.SATURATED) for s in clipped})
+    if spiked:
+        scan = add_flags(scan, spiked)
+    if whiskers:
+        every = np.isin(np.arange(scan.n_whiskers), whiskers)[:, None] * bad
+        scan = replace(scan, sweeps=tuple(replace(s, flags=s.flags | every) for s in scan.sweeps))
+    return scan

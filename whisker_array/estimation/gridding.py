@@ -91,7 +91,6 @@ class PlateGrid(OneLine):
 
     @property
     def origin_mm(self) -> tuple[float, float]:
-        """(x, y) of the first pixel."""
         return float(self.x_mm[0]), float(self.y_mm[0])
 
 
@@ -102,17 +101,12 @@ def common_grid(
     within_mm: tuple[float, float, float, float] | None = None,
 ) -> PlateGrid:
     """Return the grid that all sweeps cover, within (x0, y0, x1, y1). Raises MapError if they do not overlap there."""
-    spans_x, spans_y = [], []
+    covered = [] if within_mm is None else [within_mm]
     for each in swept:
-        spans = (each.along_mm, each.place_mm) if each.direction.along_x else (each.place_mm, each.along_mm)
-        spans_x.append((spans[0].min(), spans[0].max()))
-        spans_y.append((spans[1].min(), spans[1].max()))
-    x0, x1 = max(s[0] for s in spans_x), min(s[1] for s in spans_x)
-    y0, y1 = max(s[0] for s in spans_y), min(s[1] for s in spans_y)
-    if within_mm is not None:
-        x0, y0, x1, y1 = (
-            max(x0, within_mm[0]), max(y0, within_mm[1]), min(x1, within_mm[2]), min(y1, within_mm[3])
-        )  # fmt: skip
+        x, y = (each.along_mm, each.place_mm) if each.direction.along_x else (each.place_mm, each.along_mm)
+        covered.append((x.min(), y.min(), x.max(), y.max()))
+    x0, y0, _, _ = np.max(covered, axis=0)
+    _, _, x1, y1 = np.min(covered, axis=0)
     if x1 - x0 < pitch_mm or y1 - y0 < pitch_mm:
         raise MapError("the sweeps of the scan do not overlap on the plate")
     return PlateGrid(

@@ -43,11 +43,8 @@ def land_coefficients(
     """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
     The fit starts flat at the most common level, or tilted by the levels of lines and columns, so that a tilt of many
-    times the mark's depth does no harm; it is then tightened.
-
-    Args:
-        cut: relative distance from the land beyond which samples have no weight; marks differ by 10 % or more.
-        damping: damping of the normal equations, as a share of their trace: terms without samples stay zero.
+    times the mark's depth does no harm; it is then tightened, until samples further than the share `cut` from the land
+    have no weight (marks differ by 10 % or more). `damping` is as in `fit_quadratic`.
 
     Returns (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
     """

@@ -48,11 +48,9 @@ def fit_quadratic(
 ) -> tuple[Floats, float]:
     """Fit c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 robustly from a start, one round per cut; NaN are ignored.
 
-    Args:
-        target: (rows, cols), v runs along the rows, u along the columns.
-        damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
-
-    Returns (6,) coefficients, and the share of known samples within half of the last cut.
+    `target` is (rows, cols), v runs along the rows, u along the columns. `damping` is added to the normal equations, as
+    a share of their trace: terms without samples stay zero. Returns (6,) coefficients, and the share of known samples
+    within half of the last cut.
     """
     target, u = read_only(target), read_only(u)
     powers, sums = np.vander(v, 5, increasing=True), np.empty((v.size, 8))

@@ -90,11 +90,8 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
             continue
         leans = [_map(v.lean, grid, shift) for v in chosen]
         phi_land = float(np.arctan(mu))
-        rough, _ = _solve(
-            chosen,
-            [m if v.friction_sign > 0.0 else m * np.nan for v, m in zip(chosen, leans, strict=True)],
-            phi_land,
-        )
+        of_dragged = [m if v.friction_sign > 0.0 else m * np.nan for v, m in zip(chosen, leans, strict=True)]
+        rough, _ = _solve(chosen, of_dragged, phi_land)
         leans = [
             _without_snags(v, lean, rough, phi_land, (slopes_of.touch, profiles_of.touch))
             for v, lean in zip(chosen, leans, strict=True)
@@ -154,10 +151,8 @@ def _without_snags(
     if view.friction_sign > 0.0:
         return lean
     t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))
-    give = [
-        1.0 - touch.tip.compliance_mm_per_n[1, 0] / touch.tip.compliance_mm_per_n[1, 1] * t
-        for touch in touches
-    ]
+    rows = (touch.tip.compliance_mm_per_n[1] for touch in touches)
+    give = [1.0 - row[0] / row[1] * t for row in rows]
     return np.where(np.minimum(*give) > least_give, lean, np.nan)
 
 
@@ -200,10 +195,8 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
 
 
 def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
-    if friction_sign > 0.0:
-        lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
-    else:
-        lag = -land_lag_mm(touch.tip.pushed(), preload_mm=touch.preload_mm, friction=touch.friction)
+    tip = touch.tip if friction_sign > 0.0 else touch.tip.pushed()
+    lag = friction_sign * land_lag_mm(tip, preload_mm=touch.preload_mm, friction=touch.friction)
     shift = tip_shift_mm(lean, lift, touch.tip) - lag
     return np.where(np.isfinite(shift), shift, 0.0)
 

@@ -77,20 +77,20 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
     best = int(np.argmin(cost))
     if not 0 < best < plays.size - 1 or cost[best] > 0.98 * np.median(cost):
         return 0.0
-    before, least, after = cost[best - 1 : best + 2]
-    curve = before - 2.0 * least + after
-    return float(plays[best] + (0.5 * (before - after) / curve if curve > 0.0 else 0.0))
+    return float(plays[best] + _vertex(*cost[best - 1 : best + 2]))
+
+
+def _vertex(before: float, middle: float, after: float) -> float:
+    curve = before - 2.0 * middle + after
+    return 0.5 * (before - after) / curve if curve else 0.0
 
 
 @kernel(allow=ANY_ORDER)
 def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, rim, room, cost):  # type: ignore[no-untyped-def]
-    """Add, for every half play, the sum of squared differences between measured edges and those of eq. (16).
+    """Add to `cost`, for every half play, the sum of squared differences between measured edges and those of eq. (16).
 
-    Args:
-        ahead, behind: (lines, beyond + samples + beyond) enhancement, padded by its end values.
-        row, arm: row and arm of the tip, (3,) each, as in eq. (16).
-        room: (5, samples) work array.
-        cost: (halves,) sums to add to.
+    Enhancement (lines, beyond + samples + beyond) is padded by its end values; row and arm (3,) are those of the tip,
+    as in eq. (16); `room` (5, samples) is a work array.
     """
     n = room.shape[1]
     beyond = (ahead.shape[1] - n) // 2
@@ -160,12 +160,5 @@ def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
     r, c = np.unravel_index(int(np.argmax(window)), window.shape)
     if not (0 < r < 2 * reach and 0 < c < 2 * reach):
         return (0.0, 0.0)
-
-    def vertex(before: float, middle: float, after: float) -> float:
-        curve = before - 2.0 * middle + after
-        return 0.0 if curve >= 0.0 else 0.5 * (before - after) / curve
-
-    return (
-        float(r - reach + vertex(window[r - 1, c], window[r, c], window[r + 1, c])),
-        float(c - reach + vertex(window[r, c - 1], window[r, c], window[r, c + 1])),
-    )
+    rows, cols = _vertex(*window[r - 1 : r + 2, c]), _vertex(*window[r, c - 1 : c + 2])
+    return float(r - reach + rows), float(c - reach + cols)

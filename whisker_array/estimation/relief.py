@@ -14,7 +14,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,13 +42,10 @@ class Route(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Relief(OneLine, Validated, error=MapError):
-    """Height and slopes of the surface, on a grid of the plate frame.
+    """Height and slopes of the surface, (rows, cols) float32 on a grid of the plate frame.
 
-    Attributes:
-        height_mm: (rows, cols) float32 above the land, negative in a sunk mark; NaN where unknown.
-        slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
-        slope_y: (rows, cols) float32 dh/dy, or None in the same cases along y.
-        friction_map: (rows, cols) float32 mu of every pixel, or None; it needs a profiler and two ways.
+    Heights are above the land, negative in a sunk mark; NaN where unknown. A slope, dh/dx or dh/dy, is None where no
+    trace ran along that axis both ways (or with a profiler). The friction of every pixel needs a profiler and two ways.
     """
 
     height_mm: NDArray[np.float32]
@@ -82,13 +78,10 @@ class Relief(OneLine, Validated, error=MapError):
 
 @kernel(allow=ANY_ORDER)
 def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  # type: ignore[no-untyped-def]
-    """Compute the slope along the traces, and add the known lifts of both directions to `total`.
+    """Compute the slope along the traces, and add the known lifts of both directions, in preloads, to `total`.
 
-    Args:
-        ahead, back: (rows, cols) enhancement of the two ways, the base ahead in + and in -.
-        row, arm: (3,) of the tip, as in eqs. (11) and (14).
-        slope: (rows, cols) result; NaN where no slope fits the moments.
-        total, count: (rows, cols) sum of the known lifts, in preloads, and their number.
+    Enhancement (rows, cols) is that of the two ways, the base ahead in + and in -; row and arm (3,) are those of the
+    tip, as in eqs. (11) and (14). The slope (rows, cols) is NaN where none fits the moments; `count` counts the lifts.
     """
     # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
     a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
@@ -121,7 +114,7 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
     mu = touch.friction if friction is None else friction
     by_direction = dict(zip(edges.directions, edges.enhancement, strict=True))
     if is_profiler(touch.tip):
-        return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.PROFILED)
+        return _relief(edges, touch, None, {}, mu=mu, route=Route.PROFILED)
     land = float(moment_per_lift(np.arctan(mu), touch.tip))
     if not np.isfinite(land):
         raise MapError(f"at a friction of {mu} the whisker jams on the land", hint="check the friction")
@@ -131,21 +124,13 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
         if ahead not in by_direction or back not in by_direction:
             continue
         slopes[axis] = np.empty(edges.shape, dtype=np.float32)
-        inputs = (
-            by_direction[ahead],
-            by_direction[back],
-            touch.tip.compliance_mm_per_n[1],
-            touch.tip.moment_arm_mm,
-        )
-        both_ways(*map(read_only, inputs), mu, land, STEEPEST, slopes[axis], total, count)
+        maps = map(read_only, (by_direction[ahead], by_direction[back]))
+        of_tip = map(read_only, (touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm))
+        both_ways(*maps, *of_tip, mu, land, STEEPEST, slopes[axis], total, count)
     if not slopes:
-        return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.FLOORS)
+        return _relief(edges, touch, None, {}, mu=mu, route=Route.FLOORS)
     lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return _relief(edges, touch, lift, slopes, mu=mu, route=Route.TURNED)
-
-
-def _mean_lift(edges: EdgeMap) -> Layer:
-    return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
 
 
 def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
@@ -185,24 +170,21 @@ def mean_of_known(lifts: Sequence[Layer]) -> Layer:
 def _relief(
     edges: EdgeMap,
     touch: Touch,
-    lift: Layer,
+    lift: Layer | None,
     slopes: dict[int, NDArray[np.float32]],
     *,
     mu: float,
     route: Route,
 ) -> Relief:
-    unknown = None if edges.valid.all() else ~edges.valid
-
-    def masked(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        out = values.astype(np.float32, copy=False)
-        if unknown is not None:
-            out[unknown] = np.nan
-        return out
-
+    # where no way separates it from the slope, the height is that of floors and land (F = 1)
+    lift = 1.0 + edges.enhancement.mean(axis=0, dtype=np.float64) if lift is None else lift
+    height = ((lift - 1.0) * touch.preload_mm).astype(np.float32)
+    for layer in (height, *slopes.values()):
+        layer[~edges.valid] = np.nan
     return Relief(
-        height_mm=masked((lift - 1.0) * touch.preload_mm),
-        slope_x=masked(slopes[0]) if 0 in slopes else None,
-        slope_y=masked(slopes[1]) if 1 in slopes else None,
+        height_mm=height,
+        slope_x=slopes.get(0),
+        slope_y=slopes.get(1),
         pitch_mm=edges.pitch_mm,
         origin_mm=edges.origin_mm,
         friction=mu,

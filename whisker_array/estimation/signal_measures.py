@@ -27,7 +27,7 @@ from whisker_array.estimation.fault_measures import (
     quantile_of_known,
     sweep_shares,
 )
-from whisker_array.scan.scan import Scan, only
+from whisker_array.scan.scan import Scan, add_flags, only
 from whisker_array.simulation.traces import SampleFlag
 
 
@@ -84,22 +84,12 @@ def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
     """Flag samples whose tips run beyond the part, unless the recording has such flags or there are none."""
     if all(s.plan.pushed for s in scan.sweeps) or knows_part(scan):
         return scan
-    columns, shares = np.flatnonzero(np.asarray(scan.kind) == 0), sweep_shares(only(scan))
-    masks = {
-        f.plan.direction: (mask & np.isfinite(f.share))[np.argsort(f.across)]
+    shares = sweep_shares(only(scan))
+    bits = {
+        f.plan.direction: (mask & np.isfinite(f.share))[np.argsort(f.across)] * np.uint8(SampleFlag.OUTSIDE)
         for f, mask in zip(shares, beyond_part(shares, least=least), strict=True)
     }
-    if not any(mask.any() for mask in masks.values()):
-        return scan
-    sweeps = []
-    for sweep in scan.sweeps:
-        flags = sweep.flags.copy()
-        if not sweep.plan.pushed:
-            flags[:, columns] |= np.where(
-                masks[sweep.plan.direction], np.uint8(SampleFlag.OUTSIDE), np.uint8(0)
-            )
-        sweeps.append(replace(sweep, flags=flags))
-    return replace(scan, sweeps=tuple(sweeps))
+    return add_flags(scan, bits) if any(flags.any() for flags in bits.values()) else scan
 
 
 def without(shares: Sequence[SweepShares], masks: Sequence[Mask]) -> list[SweepShares]:
@@ -156,11 +146,9 @@ class ChannelOrder(NamedTuple):
 
     @property
     def moved(self) -> list[int]:
-        """Whiskers that have another channel."""
         return [whisker for whisker, channel in enumerate(self.channel) if channel != whisker]
 
     def describe(self, columns: Sequence[int]) -> str:
-        """Describe the order."""
         axes = " and ".join(axis for axis, backward in zip("xy", self.backward, strict=True) if backward)
         across = f"with positions across the passes along {axes} in reverse order" if axes else ""
         if all(self.backward) and not self.moved:

@@ -27,7 +27,6 @@ class Unknown(StrEnum):
     sd: float
 
     def __new__(cls, name: str, sd: float = 0.0) -> Unknown:
-        """Make a member that equals its name."""
         member = str.__new__(cls, name)
         member._value_, member.sd = name, sd
         return member
@@ -74,7 +73,6 @@ class Bench(OneLine):
         return self.values[name]
 
     def with_values(self, **changed: float) -> Bench:
-        """Return the bench with some numbers changed, by the names of `Unknown`."""
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
@@ -83,7 +81,6 @@ class Bench(OneLine):
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
-        """Make a bench from numbers in the order of `vector`."""
         return cls(dict(zip(Unknown, map(float, numbers), strict=False)), numbers[len(Unknown) :])
 
     def moved(self, step: NDArray[np.float64]) -> Bench:

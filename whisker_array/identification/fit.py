@@ -13,8 +13,8 @@ that jump between (`MOST_BEND`).
 
 The covariance has four parts, linear about the solution: priors; the delete-one jackknife over sweeps, whose samples
 share errors of the simulation in that direction, as well as vibration and drift (B. Efron, C. Stein, The jackknife
-estimate of variance, Ann. Statist. 9 (1981) 586); errors of the stage's screws, which all passes share; and the Newton
-step that is left where the rough sum has stopped the fit.
+estimate of variance, Ann. Statist. 9 (1981) 586); errors of the stage's screws and of the piece's form, which all
+passes share; and the Newton step that is left where the rough sum has stopped the fit.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +84,10 @@ FEWEST_SWEEPS = 4
 PIXEL = 4
 LEVEL_SD, LEVEL_DEGREE = 0.5, 3
 """A pass's level drifts as Legendre polynomials up to this degree, each of this size in scatters of a sample."""
-SCREW_MM, SCREW_SD_MM = 1.0, 0.0028
-"""Length within which a screw's error is the same, half a turn, and its rms, mm: that of a wave of 8 um from crest to
-trough (tolerance grade 5 of ISO 3408-3)."""
+SAME_MM, SCREW_SD_MM, FORM_SD_MM = 1.0, 0.0028, 0.005
+"""Length, mm, within which all passes share an error of position: half a turn of a screw, a place of the piece. Rms of
+a screw's wave of 8 um from crest to trough (tolerance grade 5 of ISO 3408-3), and of the walls of a milled or eroded
+piece, or of a map of one with a pitch of 0.02 mm."""
 _WORST = 0.02
 """Share of the worst samples that the misfit leaves out."""
 
@@ -115,7 +117,6 @@ class Identified(OneLine):
 
     @property
     def sd(self) -> Floats:
-        """(n,) standard deviations of the numbers."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -131,7 +132,6 @@ class Identified(OneLine):
         return float(np.sqrt(np.mean(squares[: int((1.0 - _WORST) * squares.size)])))
 
     def of(self, name: Unknown) -> tuple[float, float]:
-        """Return a number and its standard deviation."""
         return self.bench[name], float(self.sd[list(Unknown).index(name)])
 
     def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:
@@ -199,9 +199,9 @@ def identify(
     # derivative of each number by its u: some numbers move in proportion (`Bench.moved`)
     above, below = (nominal.moved(sd * (u + off)).vector() for off in (1e-4, -1e-4))
     scale = (above - below) / 2e-4
-    repeated = rows.jackknife(linear, lambda trace: trace.cluster, 0.0)
+    repeated = rows.jackknife(linear, lambda trace: trace.cluster, shared=False)
     few = len({id(trace.plan) for trace in forward.traces}) < FEWEST_SWEEPS
-    covariance = rows.jackknife(linear, lambda trace: trace.cluster if few else id(trace.plan), SCREW_SD_MM)
+    covariance = rows.jackknife(linear, lambda trace: trace.cluster if few else id(trace.plan), shared=True)
     settled = bool((left**2 < np.diag(covariance)).all())
     covariance += np.outer(left, left)
     bench = nominal.moved(sd * u)
@@ -301,27 +301,28 @@ class _Rows:
         return self.jacobian(u) * (1.0 + z[:, None]) ** -0.75, residuals * (1.0 + z) ** 0.25
 
     def jackknife(
-        self, linear: tuple[Floats, Floats], group_of: Callable[[Trace], Hashable], screw_sd_mm: float
+        self, linear: tuple[Floats, Floats], group_of: Callable[[Trace], Hashable], *, shared: bool
     ) -> Floats:
-        """(n, n) covariance of u from what `scaled` returns: of priors, groups of traces, and the stage's screws."""
+        """(n, n) covariance of u from what `scaled` returns: of priors, groups, and what screws and form share."""
         (jacobian, residuals), start = linear, 0
         n = jacobian.shape[1]
         groups: dict[Hashable, Floats] = defaultdict(lambda: np.zeros((n, n + 1)))
-        screws: dict[Hashable, Floats] = defaultdict(lambda: np.zeros(n))
+        effects: dict[Hashable, Floats] = defaultdict(lambda: np.zeros(n))
         for trace in self._forward.traces:
             rows = slice(start, start + trace.measured_n_mm.size // PIXEL)
             j, start = jacobian[rows], rows.stop
             groups[group_of(trace)] += j.T @ np.column_stack([j, residuals[rows]])
-            turns = trace.plan.position_mm()[: len(j) * PIXEL : PIXEL] // SCREW_MM
-            for k, name in enumerate((Unknown.SHIFT_X, Unknown.SHIFT_Y)):
-                i = list(Unknown).index(name)
-                along = trace.plan.direction.along_x == (name is Unknown.SHIFT_X)
-                for turn in np.unique(turns) if along else [trace.line_mm // SCREW_MM]:
-                    same = j[turns == turn] if along else j
-                    screws[k, along, turn] += same.T @ same[:, i] / self._sd[i]
+            along_x, across = trace.plan.direction.along_x, trace.line_mm // SAME_MM
+            turns = trace.plan.position_mm()[: len(j) * PIXEL : PIXEL] // SAME_MM
+            for turn, name in product(np.unique(turns) if shared else (), (Unknown.SHIFT_X, Unknown.SHIFT_Y)):
+                i, same = list(Unknown).index(name), j[turns == turn]
+                effect = same.T @ same[:, i] / self._sd[i]
+                along = along_x == (name is Unknown.SHIFT_X)
+                effects["screw", name, along, turn if along else across] += SCREW_SD_MM * effect
+                effects["form", name, (turn, across) if along_x else (across, turn)] += FORM_SD_MM * effect
         hessian = jacobian.T @ jacobian
         offsets = [np.linalg.solve(hessian - each[:, :n], each[:, n]) for each in groups.values()]
-        moved = screw_sd_mm * np.array([*screws.values()])
+        moved = np.array([*effects.values()]).reshape(-1, n)
         prior = np.linalg.inv(hessian)
         scatter = (len(offsets) - 1) * np.cov(offsets, rowvar=False, bias=True)
         return np.asarray(scatter + prior @ (np.eye(n) + moved.T @ moved) @ prior)

@@ -37,7 +37,6 @@ class Knowledge(OneLine):
 
     @property
     def sd(self) -> NDArray[np.float64]:
-        """(n,) standard deviations."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 

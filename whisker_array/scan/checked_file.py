@@ -29,11 +29,9 @@ class CheckedFile:
         self.file = file
 
     def fail(self, what: str, hint: str = SEE_LAYOUT) -> FileError:
-        """Make an error for this file."""
         return FileError(self.path, what, hint)
 
     def require(self, right: bool | np.bool_, what: str, hint: str = SEE_LAYOUT) -> None:
-        """Check a condition. Raises FileError: it does not hold."""
         if not right:
             raise self.fail(what, hint)
 
@@ -91,7 +89,6 @@ class CheckedFile:
         return np.asarray(self.dataset(name, (n_rows,), kinds="iu")[()])
 
     def attribute(self, name: str, default: float | None = None, *, group: str = "/") -> float:
-        """Read an attribute as a finite number. Raises FileError."""
         value = self.file[group].attrs.get(name, default)
         if value is None:
             raise self.fail(f"has no attribute {name}")
@@ -103,6 +100,5 @@ class CheckedFile:
         return number
 
     def text(self, name: str, default: str = "", *, group: str = "/") -> str:
-        """Read an attribute as text, whichever way the writer stored it."""
         value = self.file[group].attrs.get(name, default)
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

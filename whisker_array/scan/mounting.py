@@ -159,12 +159,10 @@ def mount(
     if soil is not None:
         check_soil(soil, height_map.shape)
         soil = fit_soil(pad_soil(soil, pad), padded, fitted, target_mm=sample_pitch_mm)
-    surfaces: dict[float, TouchSurface] = {}
-    for each in touches:
-        if each.tip_radius_mm not in surfaces:
-            surfaces[each.tip_radius_mm] = prepare_surface(
-                fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
-            )
+    surfaces = {
+        radius: prepare_surface(fitted, tip_radius_mm=radius, friction=mu, soil=soil)
+        for radius in dict.fromkeys(touch.tip_radius_mm for touch in touches)
+    }
     drift_n_mm = np.zeros(0 if sensor is None else sensor.n_whiskers)
     origin_mm = -pad * height_map.pitch_mm
     size_mm = height_map.size_mm

@@ -52,5 +52,4 @@ class PassLog(OneLine, Validated, error=WhiskerError):
 
     @property
     def stage_s(self) -> float:
-        """Stage time of all passes, s."""
         return math.fsum(p.order.stage_s for p in self.passes)

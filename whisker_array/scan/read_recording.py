@@ -57,7 +57,6 @@ class RecordingReader(CheckedFile):
         self._pushed = self.integers("passes/pushed", self._n_passes, default=0) != 0
 
     def scan(self) -> Scan:
-        """Read the whole file as a Scan. Raises FileError: the file does not follow the layout."""
         units = self.text("units", "N*mm")
         known = (*UNIT_N_MM, VOLT)
         self.require(units in known, f"units are {units!r}", f"use one of {', '.join(known)}")
@@ -228,16 +227,12 @@ class RecordingReader(CheckedFile):
             pushed=bool(self._pushed[members[0]]),
             offset_mm=tuple(float(v) for v in whole * step) if whole.any() else (),
         )
-        return Sweep(
-            plan=plan,
-            moment_n_mm=np.ascontiguousarray(to_places(self._moment[touching].transpose(0, 2, 1), behind)),
-            flags=np.ascontiguousarray(to_places(self._flags[touching].transpose(0, 2, 1), behind)),
-            air_n_mm=fill_air(
-                np.where(self._flags[air] & SampleFlag.OUT_OF_RANGE, np.nan, self._moment[air]).transpose(
-                    0, 2, 1
-                )
-            ),
+        moment, flags = (
+            np.ascontiguousarray(to_places(signal[touching].swapaxes(1, 2), behind))
+            for signal in (self._moment, self._flags)
         )
+        lifted_n_mm = np.where(self._flags[air] & SampleFlag.OUT_OF_RANGE, np.nan, self._moment[air])
+        return Sweep(plan, moment, flags, fill_air(lifted_n_mm.swapaxes(1, 2)))
 
     def _along(self, direction: TraceDirection, members: Rows, touching: Rows) -> tuple[float, float]:
         n_samples = touching.shape[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Unpack
 
@@ -25,9 +26,8 @@ from whisker_array.whisker.touch import Touch
 class Scan(OneLine, Validated, error=MapError):
     """All passes over one part: a sweep per trace direction and way (dragged or pushed).
 
-    Attributes:
-        kind: kind of each whisker, 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0.
-        log: the single passes in order, if the scan was made pass by pass; `sweeps` merges them.
+    `kind` numbers each whisker's touch: 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0. A
+    scan made pass by pass has a `log` of its single passes in order; `sweeps` merges them.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -63,22 +63,18 @@ class Scan(OneLine, Validated, error=MapError):
 
     @property
     def n_whiskers(self) -> int:
-        """Number of whiskers of the array."""
         return int(self.sweeps[0].moment_n_mm.shape[1])
 
     @property
     def n_samples(self) -> int:
-        """Number of touching samples of all passes."""
         return sum(s.moment_n_mm.size for s in self.sweeps)
 
     @property
     def touches(self) -> tuple[Touch, ...]:
-        """The touch of every kind of whisker."""
         return (self.touch, *self.others)
 
     @property
     def directions(self) -> tuple[TraceDirection, ...]:
-        """Trace directions, in the order of the sweeps."""
         return tuple(s.plan.direction for s in self.sweeps)
 
 
@@ -94,11 +90,10 @@ def trace_scan(
 ) -> Scan:
     """Run the virtual array over a height map. Raises MapError or ValueError.
 
-    Args:
-        bench: as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a
-            (rows, cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft
-            dirt of the part; default: none), sensor (gains, noise, converter; default: ideal), stage (play and
-            position errors; default: ideal), rng (needed with a sensor or a stage).
+    `bench` is as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a (rows,
+    cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft dirt of the part;
+    default: none), sensor (gains, noise, converter; default: ideal), stage (play and position errors; default: ideal),
+    rng (needed with a sensor or a stage).
     """
     if len(others) != plan.array.kinds - 1:
         raise ValueError(
@@ -149,6 +144,17 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         kind=(),
         log=None,
     )
+
+
+def add_flags(scan: Scan, bits: Mapping[TraceDirection, NDArray[np.uint8]], *, kind: int = 0) -> Scan:
+    """Add flags (passes, whiskers, samples) to one kind of whisker in the dragged sweeps of some directions."""
+    columns, sweeps = np.flatnonzero(np.asarray(scan.kind) == kind), []
+    for sweep in scan.sweeps:
+        flags = sweep.flags.copy()
+        if not sweep.plan.pushed and sweep.plan.direction in bits:
+            flags[:, columns] |= bits[sweep.plan.direction]
+        sweeps.append(replace(sweep, flags=flags))
+    return replace(scan, sweeps=tuple(sweeps))
 
 
 def positions_mm(scan: Scan, flag: SampleFlag) -> NDArray[np.float64]:

@@ -60,11 +60,9 @@ class Gauges(OneLine, Validated, error=SensorError):
 
     @property
     def n_whiskers(self) -> int:
-        """Number of whiskers."""
         return int(self.gain.size)
 
     def of(self, whiskers: Sequence[int]) -> Self:
-        """Select some of the whiskers."""
         chosen = list(whiskers)
         return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen])
 
@@ -104,11 +102,9 @@ def draw_sensor_chain(
 ) -> SensorChain:
     """Draw a typical chain; whiskers differ slightly. Raises SensorError.
 
-    Args:
-        full_scale_n_mm: converter range in both directions, N mm. About three times the land moment leaves room
-            for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
-        noise: rms of one sample, as a share of full scale (the largest load); measured on whiskers.
-        drift_a_minute: rms drift of the zero in a minute, as a share of full scale; measured on whiskers.
+    About three times the land moment as full scale, N mm, leaves room for enhancement (20 suits default_whisker(5.0)
+    with 6.5 N mm). The rms noise of one sample, and the rms drift of the zero in a minute, are shares of full scale
+    (the largest load); both were measured on whiskers.
     """
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)

@@ -61,8 +61,7 @@ class SimulatedSession:
         )
         if part.sensor is None:
             # gains of an ideal sensor are known; lines that are far apart cannot show them
-            whiskers = array.n_whiskers * array.rows
-            calibration = Calibration(np.ones(whiskers), np.zeros(whiskers))
+            calibration = Calibration(np.ones(array.n_whiskers), np.zeros(array.n_whiskers))
         self.fitting = Fitting(
             touch=touch,
             array=array,
@@ -95,5 +94,4 @@ class SimulatedSession:
         )
 
     def close(self) -> None:
-        """Release the part."""
         self._part = None

@@ -31,7 +31,6 @@ class Sweep(OneLine):
             raise MapError(f"air samples {self.air_n_mm.shape} do not fit the plan {shape}")
 
     def of(self, whiskers: NDArray[np.intp]) -> Sweep:
-        """Select some of the whiskers."""
         moment, air = self.moment_n_mm[:, whiskers], self.air_n_mm[:, whiskers]
         return Sweep(self.plan.of(whiskers), moment, self.flags[:, whiskers], air)
 

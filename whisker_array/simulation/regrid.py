@@ -18,7 +18,6 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
 
     Coarser maps are interpolated (bicubic) to the step or slightly finer, because slopes of a coarse grid would have
     steps. Maps finer than half the step are averaged in blocks. The centre of the top left sample stays in place.
-
     Raises MapError if the fine grid would exceed the limit of samples.
     """
     pitch = height_map.pitch_mm

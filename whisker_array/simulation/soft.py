@@ -33,18 +33,13 @@ LEAST_GIVE = 0.05
 _ROUNDS = 6
 
 
-def indenting_radius_mm(tip_radius_mm: float, *, pitch_mm: float) -> float:
-    """Radius of the ball that sinks in: the tip's, but at least half a sample, the finest that the grid resolves."""
-    return max(tip_radius_mm, 0.5 * pitch_mm)
-
-
 def carrying_stiffness_n_per_mm(soil: Soil, *, tip_radius_mm: float, pitch_mm: float) -> NDArray[np.float32]:
     """kappa = 2 pi r H, normal force per depth of sinkage, (rows, cols).
 
     H is the mean hardness under the ball, weighted by thickness, because the force is the pressure integrated over
     the dirt's area; clean metal does not count.
     """
-    radius = indenting_radius_mm(tip_radius_mm, pitch_mm=pitch_mm)
+    radius = max(tip_radius_mm, 0.5 * pitch_mm)  # half a sample is the finest that the grid resolves
     hardness = soil.hardness_mpa
     reach = int(np.floor(radius / pitch_mm))
     if reach >= 1 and np.ptp(hardness) > 0.0:

@@ -37,7 +37,6 @@ class TouchSurface(OneLine):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(rows, cols)."""
         return (self.fields.shape[0], self.fields.shape[1])
 
 
@@ -77,9 +76,8 @@ def prepare_surface(
 ) -> TouchSurface:
     """Prepare a height map for tracing: fill dropouts, dilate by the tip, compute slopes, add the friction.
 
-    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between.
-
-    Raises MapError for a map of another shape.
+    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between. Raises
+    MapError for a map of another shape.
     """
     mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)
@@ -128,7 +126,7 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
     return replace(
         surface,
         fields=_orient(surface.fields, direction),
-        dropout=np.ascontiguousarray(dropout) if dropout.any() else np.zeros(dropout.shape, dtype=np.bool_),
+        dropout=np.ascontiguousarray(dropout),
         yielding=None if surface.yielding is None else _orient(surface.yielding, direction),
     )
 

@@ -31,7 +31,6 @@ class SampleFlag(IntFlag):
     SATURATED = 128
 
     def describe(self) -> str:
-        """Describe the flags that are set."""
         return "; ".join(text for flag, text in _MESSAGES.items() if flag in self) or "good"
 
 

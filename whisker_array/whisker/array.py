@@ -81,11 +81,9 @@ class WhiskerArray(Comb):
 
 @dataclass(frozen=True, repr=False)
 class RasterPlan(OneLine, Validated, error=WhiskerError):
-    """Raster of an array over a rectangle of the plate.
+    """Raster of an array over a rectangle of the plate, whose lines the whiskers share.
 
-    Attributes:
-        each_whisker: whether every whisker crosses the whole region, as for a test piece narrower than the comb; by
-            default the whiskers share it.
+    With `each_whisker` every whisker crosses the whole region, as for a test piece narrower than the comb.
     """
 
     array: WhiskerArray
@@ -124,7 +122,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     @property
     def sample_rate_hz(self) -> float:
-        """Sample rate of the converter."""
         return self.speed_mm_s / self.sample_pitch_mm
 
     def sweeps(self) -> tuple[SweepPlan, ...]:
@@ -132,7 +129,6 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         return tuple(replace(first.sweep_plan(), line_mm=line_mm) for first, line_mm in self._ways())
 
     def passes(self) -> tuple[Pass, ...]:
-        """The single passes of the array, in the order in which they are run."""
         return tuple(
             replace(first, line_mm=tuple(lines))
             for first, line_mm in self._ways()
@@ -165,14 +161,13 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
         whiskers = self.array.n_whiskers
         if self.each_whisker:
-            first = np.arange((1 - whiskers) * self.interlace, n_lines, dtype=np.float64)
-            line_mm = low + self.line_pitch_mm * (first[:, None] + self.interlace * np.arange(whiskers))
-            return np.tile(line_mm, (1, self.array.kinds))
-        per_block = whiskers * self.interlace
-        block, shift, whisker = np.ogrid[: math.ceil(n_lines / per_block), : self.interlace, :whiskers]
-        index = block * per_block + whisker * self.interlace + shift
-        line_mm = low + self.line_pitch_mm * index.reshape(-1, whiskers).astype(np.float64)
-        return np.tile(line_mm, (1, self.array.kinds))
+            first = np.arange((1 - whiskers) * self.interlace, n_lines)
+            index = first[:, None] + self.interlace * np.arange(whiskers)
+        else:
+            per_block = whiskers * self.interlace
+            block, shift, whisker = np.ogrid[: math.ceil(n_lines / per_block), : self.interlace, :whiskers]
+            index = (block * per_block + whisker * self.interlace + shift).reshape(-1, whiskers)
+        return np.tile(low + self.line_pitch_mm * index, (1, self.array.kinds))
 
     @property
     def n_samples(self) -> int:
@@ -181,12 +176,10 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
 
     @property
     def n_passes(self) -> int:
-        """Number of passes of the array."""
         return sum(s.line_mm.shape[0] for s in self.sweeps())
 
     @property
     def scan_time_s(self) -> float:
-        """Time of the whole scan."""
         return math.fsum(len(line_mm) * first.stage_s for first, line_mm in self._ways())
 
 

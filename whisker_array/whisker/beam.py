@@ -63,7 +63,6 @@ class Segment(OneLine):
 
     @cached_property
     def length_mm(self) -> float:
-        """Length, mm."""
         return float(np.linalg.norm(self.end_mm - self.start_mm))
 
     @cached_property
@@ -81,33 +80,20 @@ class Segment(OneLine):
         return np.array([along, lateral, [y * w - z * v, z * u - x * w, x * v - y * u]])
 
     def section_at(self, t: float) -> Section:
-        """Return the section at the share t of the length, 0 = start."""
         if isinstance(self.section, Taper):
             return self.section.start.blend(self.section.end, t)
         return self.section
 
-    def section_compliance(self, t: float) -> Matrix:
-        """(3, 3) C of physics.md: twist and curvature per moment in world axes, 1/(N mm^2)."""
-        section, axes = self.section_at(t), self.axes
-        about = np.array(
-            [
-                self.material.g_mpa * section.j_mm4,
-                self.material.e_mpa * section.i_vertical_mm4,
-                self.material.e_mpa * section.i_lateral_mm4,
-            ]
-        )
-        return np.asarray(axes.T @ (axes / about[:, None]))
-
     def section_compliances(self, fractions: Vector) -> Matrix:
-        """(n, 3, 3) `section_compliance` at the shares (n,) of the length."""
-        constant = not isinstance(self.section, Taper)
-        compliances = np.stack(
-            [self.section_compliance(float(t)) for t in (fractions[:1] if constant else fractions)]
-        )
+        """(n, 3, 3) C of physics.md at the shares (n,) of the length: twist and curvature per moment, 1/(N mm^2)."""
+        e, g = self.material.e_mpa, self.material.g_mpa
+        places = fractions if isinstance(self.section, Taper) else fractions[:1]
+        sections = [self.section_at(float(t)) for t in places]
+        about = np.array([(g * s.j_mm4, e * s.i_vertical_mm4, e * s.i_lateral_mm4) for s in sections])
+        compliances = np.stack([self.axes.T @ (self.axes / each[:, None]) for each in about])
         return np.broadcast_to(compliances, (fractions.size, 3, 3))
 
     def points_mm(self, fractions: Vector) -> Matrix:
-        """(n, 3) points at the shares (n,) of the length, mm."""
         return self.start_mm + fractions[:, None] * (self.end_mm - self.start_mm)
 
 
@@ -174,14 +160,11 @@ def require_plane(error: type[MarksError], points_mm: Matrix) -> None:
 
 
 def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matrix:
-    """Compliance D of eqs. (1) and (2) at the tip of a chain clamped at its base.
+    """Compliance D of eqs. (1) and (2) at the tip of a chain clamped at its base. Raises WhiskerError.
 
-    Args:
-        axial: whether to include the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without
-            it a straight whisker's D11 is singular.
-
-    Returns (6, 6), symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per
-    N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers. Raises WhiskerError.
+    Returns (6, 6), symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per N mm), D21
+    rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers. `axial` includes the stretching term
+    L/(EA) a a^T: the paper's closed forms leave it out, but without it a straight whisker's D11 is singular.
     """
     check_chain(segments)
     tip = segments[-1].end_mm

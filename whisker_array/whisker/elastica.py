@@ -29,9 +29,16 @@ from glyphs.errors import MarksError
 from glyphs.ranges import Finite, Validated, freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
-from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix, require_plane
+from whisker_array.whisker.beam import (
+    Matrix,
+    Segment,
+    Vector,
+    chain_compliance,
+    cross_matrix,
+    require_plane,
+)
 from whisker_array.whisker.sections import Taper
-from whisker_array.whisker.shapes import Matrix, Vector, Whisker
+from whisker_array.whisker.shapes import Whisker
 
 LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
 """Limits of a load step: greatest lift in whole lengths, greatest rotation, smallest share of the first step."""
@@ -49,13 +56,10 @@ class ElasticaError(MarksError):
 class LargeDeflection(OneLine, Validated, error=ElasticaError):
     """Exact solution for a whisker whose tip is held at a height. Raises ElasticaError.
 
-    Attributes:
-        force_n: (3,) float64, contact force on the tip, world axes, N; read-only.
-        moment_n_mm: moment about the lateral axis at the sensor, N mm, with the arm from the sensor to the
-            *deformed* tip; signs as `enhancement.moment_n_mm` (negative on the land).
-        tip_shift_mm: (3,) float64, from the unloaded tip to the deformed one, world axes, mm; read-only. Away from the
-            base is negative x.
-        shape_mm: (n, 2) float64, the bent whisker from clamp to tip, (x, y) from the clamp, mm; read-only.
+    Force (3,) on the tip, N, and shift (3,) of the tip from its unloaded position, mm, are in world axes: away from the
+    base is negative x. The moment, N mm, about the lateral axis at the sensor has the arm to the *deformed* tip, and
+    signs as `enhancement.moment_n_mm` (negative on the land). The shape (n, 2) is (x, y) from the clamp to the tip, mm.
+    Arrays are read-only.
     """
 
     force_n: Vector
@@ -82,7 +86,6 @@ class LinearError:
 
     @property
     def worst(self) -> float:
-        """The larger absolute error of force and moment."""
         return max(abs(self.force), abs(self.moment))
 
 

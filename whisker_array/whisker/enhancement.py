@@ -107,9 +107,7 @@ def land_moment_n_mm(tip_model: TipModel, *, preload_mm: float, mu: float) -> fl
 def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> float:
     """Eq. (16), any whisker: `F = (e_y.D11 R a / e_y.D11 R'a) (s3.T1 R'a / s3.T1 R a)`.
 
-    R = R(0) is the land, R' = R(alpha) the slope.
-
-    Raises WhiskerError where one of the two denominators vanishes.
+    R = R(0) is the land, R' = R(alpha) the slope. Raises WhiskerError where one of the two denominators vanishes.
     """
     land = contact_direction(mu)
     slope = rotation(alpha_rad) @ land

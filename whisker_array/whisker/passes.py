@@ -50,12 +50,10 @@ def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArra
 class SweepPlan(OneLine):
     """Passes in one trace direction that begin and end at the same positions.
 
-    Attributes:
-        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); with
-            several kinds, whiskers of the first kind come first.
-        step_mm: distance between samples, mm, positive; positions decrease from start_mm if the direction is
-            backward.
-        offset_mm: distance of each whisker behind the foremost row, along the trace; empty if all are level.
+    `line_mm` (passes, whiskers) is the lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); with
+    several kinds, whiskers of the first kind come first. `step_mm` is positive; if the direction is backward, positions
+    decrease from `start_mm`. `offset_mm` is the distance of each whisker behind the foremost row, along the trace;
+    empty: all level.
     """
 
     direction: TraceDirection
@@ -74,7 +72,6 @@ class SweepPlan(OneLine):
         return samples_behind(offsets, self.step_mm)
 
     def of(self, whiskers: slice | NDArray[np.intp]) -> SweepPlan:
-        """Select some of the whiskers."""
         offsets = np.asarray(self.offset_mm)[whiskers].tolist() if self.offset_mm else ()
         return replace(self, line_mm=self.line_mm[:, whiskers], offset_mm=tuple(offsets))
 
@@ -114,17 +111,14 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def n_lead(self) -> int:
-        """Number of samples of the lead-in, and of the lead-out."""
         return round(self.lead_mm / self.sample_pitch_mm)
 
     @property
     def n_core(self) -> int:
-        """Number of samples between lead-in and lead-out."""
         return math.floor((self.along_mm[1] - self.along_mm[0]) / self.sample_pitch_mm + 1e-6) + 1
 
     @property
     def n_samples(self) -> int:
-        """Number of touching samples of one whisker."""
         return self.n_core + 2 * self.n_lead
 
     @property
@@ -137,7 +131,6 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def sample_rate_hz(self) -> float:
-        """Sample rate of the converter."""
         return self.speed_mm_s / self.sample_pitch_mm
 
     @property
@@ -152,7 +145,6 @@ class Pass(OneLine, Validated, error=WhiskerError):
         return max(self.offset_mm, default=0.0)
 
     def sweep_plan(self) -> SweepPlan:
-        """Return the pass as a sweep of one pass."""
         return SweepPlan(
             direction=self.direction,
             line_mm=np.array([self.line_mm], dtype=np.float64),
@@ -174,7 +166,6 @@ class Pass(OneLine, Validated, error=WhiskerError):
         )
 
     def describe(self) -> str:
-        """Describe the pass in one line."""
         harder = "" if self.preload_mm is None else f", preload {self.preload_mm:.2f} mm"
         back = " pushed" if self.pushed else ""
         return (

@@ -76,20 +76,17 @@ class Section(Validated, error=WhiskerError):
     c_vertical_mm: float = field(init=False, repr=False, compare=False)
     c_lateral_mm: float = field(init=False, repr=False, compare=False)
 
-    def _derive(self, **numbers: float) -> None:
-        for name, value in numbers.items():
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        names = (each.name for each in fields(self) if not each.init)
+        for name, value in zip(names, self._derived(), strict=True):
             object.__setattr__(self, name, value)
 
-    def _derive_round(self, outer_mm: float, inner_mm: float = 0.0) -> None:
-        i = math.pi * (outer_mm**4 - inner_mm**4) / 64.0
-        self._derive(area_mm2=math.pi * (outer_mm**2 - inner_mm**2) / 4.0, j_mm4=2.0 * i)
-        self._derive(
-            i_vertical_mm4=i, i_lateral_mm4=i, c_vertical_mm=outer_mm / 2.0, c_lateral_mm=outer_mm / 2.0
-        )
+    def _derived(self) -> tuple[float, ...]:
+        raise NotImplementedError
 
     @property
     def dimensions_mm(self) -> tuple[float, ...]:
-        """Dimensions in the order of the constructor."""
         return tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     def blend(self, other: Section, t: float) -> Self:
@@ -110,10 +107,9 @@ class Tube(Section):
     outer_mm: Positive
     inner_mm: float
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _derived(self) -> tuple[float, ...]:
         require_range(WhiskerError, Range(0.0, math.nextafter(self.outer_mm, 0.0)), inner_mm=self.inner_mm)
-        self._derive_round(self.outer_mm, self.inner_mm)
+        return _round_section(self.outer_mm, self.inner_mm)
 
 
 @dataclass(frozen=True)
@@ -122,9 +118,13 @@ class Round(Section):
 
     diameter_mm: Positive
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._derive_round(self.diameter_mm)
+    def _derived(self) -> tuple[float, ...]:
+        return _round_section(self.diameter_mm, 0.0)
+
+
+def _round_section(outer_mm: float, inner_mm: float) -> tuple[float, ...]:
+    i, c = math.pi * (outer_mm**4 - inner_mm**4) / 64.0, outer_mm / 2.0
+    return math.pi * (outer_mm**2 - inner_mm**2) / 4.0, i, i, 2.0 * i, c, c
 
 
 @dataclass(frozen=True)
@@ -134,12 +134,9 @@ class Rectangle(Section):
     thickness_mm: Positive
     width_mm: Positive
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _derived(self) -> tuple[float, ...]:
         t, w = self.thickness_mm, self.width_mm
-        self._derive(area_mm2=t * w, j_mm4=_rectangle_torsion_mm4(t, w))
-        self._derive(i_vertical_mm4=w * t**3 / 12.0, i_lateral_mm4=t * w**3 / 12.0)
-        self._derive(c_vertical_mm=t / 2.0, c_lateral_mm=w / 2.0)
+        return t * w, w * t**3 / 12.0, t * w**3 / 12.0, _rectangle_torsion_mm4(t, w), t / 2.0, w / 2.0
 
 
 def _rectangle_torsion_mm4(thickness_mm: float, width_mm: float) -> float:

@@ -22,15 +22,11 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.ranges import Finite, NotNegative, Positive, Validated, freeze_arrays
 from glyphs.surface.display import OneLine
-from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
+from whisker_array.whisker.beam import Matrix, Segment, Vector, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, UPRIGHT, Material, SectionLike, WhiskerError
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,10 +82,8 @@ def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipMo
 class LShaped(OneLine, Validated, error=WhiskerError):
     """The L-shaped whisker of Fig. 3, the differentiator. Raises WhiskerError.
 
-    Attributes:
-        l2_mm: length of the tip arm, mm, >= 0; it hangs vertically from the end of l1 at any beta.
-        l3_mm: distance by which the sensor base is lowered towards the tip, mm; None means l3 = l2.
-        section: constant section of both arms, or a Taper over l1 (the tip arm then has its end section).
+    The tip arm, l2 >= 0, hangs vertically from the end of l1 at any beta. The sensor base is lowered towards the tip by
+    l3; None means l3 = l2. A Taper is that of l1; the tip arm then has its end section.
     """
 
     l1_mm: Positive
@@ -124,7 +118,6 @@ class LShaped(OneLine, Validated, error=WhiskerError):
 
     @property
     def k(self) -> float:
-        """The ratio l2 / l1."""
         return self.l2_mm / self.l1_mm
 
     @property
@@ -133,7 +126,6 @@ class LShaped(OneLine, Validated, error=WhiskerError):
         return self.l1_mm
 
     def describe(self) -> str:
-        """Describe the whisker in one line."""
         arm = f"l2 {self.l2_mm:g} mm (k = {self.k:.3f}), l3 {self.lowered_mm:g} mm"
         lengths = f"L-shaped whisker: l1 {self.l1_mm:g} mm, {arm}"
         if self.is_straight:
@@ -152,8 +144,7 @@ def straight_whisker(
 class Chain(OneLine, Validated, error=WhiskerError):
     """A whisker of straight segments between points; many short ones make a curve. Raises WhiskerError.
 
-    Attributes:
-        points_mm: (n + 1, 3) float64, base to tip in the world frame (tip behind the base), mm; read-only.
+    `points_mm` (n + 1, 3), read-only, run from base to tip in the world frame (tip behind the base).
     """
 
     points_mm: Matrix
@@ -184,7 +175,6 @@ class Chain(OneLine, Validated, error=WhiskerError):
             raise WhiskerError(error.what, where="points_mm", hint=error.hint) from error
 
     def segments(self) -> tuple[Segment, ...]:
-        """Return the segments from base to tip."""
         n = len(self.points_mm) - 1
         each = self.sections if isinstance(self.sections, tuple) else (self.sections,) * n
         return tuple(
@@ -192,7 +182,6 @@ class Chain(OneLine, Validated, error=WhiskerError):
         )
 
     def tip_model(self, *, axial: bool = True) -> TipModel:
-        """Compute D11 and the moment arm."""
         return _model(self.segments(), self.l3_mm, axial)
 
     @property
@@ -213,7 +202,6 @@ class Chain(OneLine, Validated, error=WhiskerError):
         return float(np.linalg.norm(self.points_mm[-1] - self.points_mm[0]))
 
     def describe(self) -> str:
-        """Describe the whisker in one line."""
         return (
             f"chain of {len(self.points_mm) - 1} segments: reach {self.reach_mm:g} mm, effective k {self.k:.3f}, "
             f"{self.material.name}"

@@ -40,15 +40,7 @@ class Touch(OneLine, Validated, error=WhiskerError):
         return normal * float(self.tip.moment_arm_mm @ force)
 
     def with_whisker(self, whisker: Whisker) -> Touch:
-        """Return the same touch with another whisker."""
         return replace(self, tip=whisker.tip_model(), whisker=whisker.describe())
-
-    def key(self) -> tuple[float, ...]:
-        """Numbers that determine the signal, as a key for caches."""
-        numbers = (*self.tip.compliance_mm_per_n.ravel(), *self.tip.moment_arm_mm)
-        return tuple(
-            float(f"{v:.6g}") for v in (*numbers, self.preload_mm, self.tip_radius_mm, self.friction)
-        )
 
 
 def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glyphs.ranges import Range, require_range
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
-from whisker_array.whisker.beam import cross_matrix
+from whisker_array.whisker.beam import Matrix, Vector, cross_matrix
 from whisker_array.whisker.sections import WhiskerError
-from whisker_array.whisker.shapes import Matrix, Vector, Whisker
+from whisker_array.whisker.shapes import Whisker
 
 DEFLECTION_LIMIT = 0.1
 """Largest tip deflection over l1 under Assumption 1."""
@@ -58,8 +59,7 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
     strain^T strain is the flexibility. It is exact for constant sections: M = r x f is linear along a piece, so two
     Gauss points suffice.
     """
-    if parts < 1:
-        raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
+    require_range(WhiskerError, Range(1, math.inf, "it must be at least 1"), parts=parts)
     segments = whisker.segments()
     middle = (np.arange(parts) + 0.5) / parts
     gauss = (middle[:, None] + np.array([-1.0, 1.0]) * math.sqrt(1.0 / 12.0) / parts).ravel()
@@ -83,15 +83,12 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
 
 
 def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, parts: int = 24) -> float:
-    """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5.
+    """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5; rotary inertia is left out.
 
-    Mass is lumped at the joints of `parts` pieces per segment. For a straight whisker the result is within 0.2 % of
-    3.516 / (2 pi l^2) sqrt(EI / rho A). Rotary inertia is left out.
-
-    Args:
-        tip_held: whether contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
-            frequency of a straight whisker is then 4.4 times higher. Its sideways frequency, the lowest of round
-            wire, does not change.
+    Mass is lumped at the joints of `parts` pieces per segment: a straight whisker is within 0.2 % of 3.516 / (2 pi l^2)
+    sqrt(EI / rho A). `tip_held`: contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
+    frequency of a straight whisker is then 4.4 times higher; its sideways frequency, the lowest of round wire, does not
+    change.
     """
     lumped = lumped_whisker(whisker, parts=parts)
     weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)

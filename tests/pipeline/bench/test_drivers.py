@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.bench.bench import Bench
+from pipeline.bench.bench import Bench, raster_passes
+from pipeline.bench.moves import comb_turn_deg
 from recognition.see.levelling import level
 from tests.support.bench import FIRMWARE, HEIGHT_MM, PITCH_MM, a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
@@ -20,7 +21,7 @@ from tests.support.emulator.world import World, on_plate
 from tests.support.waiting import wait_until
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.stage_error import StageError
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.array import ALL_DIRECTIONS, PIECE_LINES, WhiskerArray
 
 LIFTED_MM = -30.0 + 5.0
 """Machine z at which tips are carried."""
@@ -79,6 +80,27 @@ def test_passes_in_all_directions_feel_what_the_simulated_stage_feels(firmware: 
             assert np.sqrt((off**2).mean(axis=1))[marked].max() < 0.15
             assert emulated.world.place_mm["Z"] == pytest.approx(LIFTED_MM)
         session.close()
+
+
+def test_every_whisker_crosses_a_test_piece_and_keeps_its_column() -> None:
+    with opened() as (emulated, bench):
+        session, region = bench.session(), (6.0, 4.0, 8.0, 5.5)
+        passes = raster_passes(session.fitting, region, ALL_DIRECTIONS, each_whisker=True)
+        amplifier = emulated.world.amplifier
+        for turn in (0, 90, 180, 270):
+            of_turn = [order for order in passes if comb_turn_deg(order) == turn]
+            assert {order.pushed for order in of_turn} == {False, True}
+            low, high = (4.0, 5.5) if of_turn[0].direction.along_x else (6.0, 8.0)
+            lines = np.array([order.line_mm for order in of_turn if not order.pushed])
+            for of_whisker in lines.T:
+                crossed = np.unique(of_whisker[(of_whisker >= low) & (of_whisker <= high)])
+                assert crossed == pytest.approx(np.arange(low, high + 1e-6, HEIGHT_MM / PIECE_LINES))
+            # gains that a bench does not know show in the moments of land: each stands in the column of its whisker
+            felt = session.feel(of_turn[len(lines) // 2])
+            land = np.abs(np.median(felt.moment_n_mm[0], axis=1))
+            assert land / land.mean() == pytest.approx(
+                amplifier.gain_v_per_n_mm / amplifier.gain_v_per_n_mm.mean(), rel=0.01
+            )
 
 
 def test_gains_found_on_bare_land_belong_to_their_whiskers() -> None:
