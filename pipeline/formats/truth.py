@@ -69,12 +69,12 @@ class Accuracy:
     accepted: int = 0
 
     def add(self, record: ReadingRecord) -> None:
-        name = self.truth.name_of(record.part)
-        if name is None:
+        name, text = self.truth.name_of(record.part), self.truth.text_of(record.part)
+        self.seen |= set() if name is None else {name}
+        if text is None:
             self.without_truth += 1
             return
-        self.seen.add(name)
-        stamped = without_blanks(self.truth[name])
+        stamped = without_blanks(text)
         distance = Levenshtein.distance(stamped, without_blanks(record.text))
         accepted = record.decision == "accept"
         self.accepted += accepted
@@ -148,8 +148,9 @@ class PartTexts(dict[str, str]):
         return nearest[0] if len(nearest) == 1 else None
 
     def text_of(self, part: str) -> str | None:
+        """The text of a part; None if the table gives none, or leaves it empty."""
         name = self.name_of(part)
-        return None if name is None else self[name]
+        return None if name is None else self[name] or None
 
 
 def load_truth(path: Path) -> PartTexts:
@@ -228,6 +229,7 @@ def part_name(cell: str) -> str:
 
 _MOST_BYTES = 50_000_000
 _SEPARATE = "separate all columns by the same comma, semicolon or tab, and call the one meant serial"
+_AS_SERIALS = "one serial per line, or ranges such as KX400000..KX409999, on the first sheet of a workbook"
 _RANGE = re.compile(r"\s*(\S+?)\s*(?:\.\.+|…)\s*(\S+)\s*")
 _DASH = re.compile(r"\s*[-\u2013\u2014]\s*")
 # characters that no stamp has, but that the cells of a wrongly parsed table have
@@ -244,6 +246,7 @@ def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
         column, lines = _serials_column(list(table_lines(path, comments=True)))
         serials: set[str] = set()
         ranges = []
+        written: list[tuple[int, str]] = []
         for line in lines:
             cell = check_serial(line.number, line.cell(column))
             if not cell or cell.startswith("#"):
@@ -251,14 +254,22 @@ def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
             if (odd := _ODD.search(cell)) is not None:
                 what = f"line {line.number} holds {cell!r}, and {odd[0]!r} stands in no serial"
                 raise DataError(what, _SEPARATE)
+            text = cell
             if (match := _RANGE.fullmatch(cell)) is not None:
+                text = match[1]
                 ranges.append(_range(line, *match.groups()))
             elif (ends := _dashed_range(line, cell, grammar)) is not None:
+                text = _DASH.split(cell)[0]
                 ranges.append(ends)
             else:
                 serials.add(without_blanks(cell))
+            written.append((line.number, text))
         if not serials and not ranges:
-            raise DataError("holds no serial", "write one per line, or ranges such as KX400000..KX409999")
+            raise DataError("holds no serial", f"write {_AS_SERIALS}")
+        if grammar is not None and all(grammar.objections(text) for _, text in written):
+            number, text = written[0]
+            what = f"line {number} is {text!r}, but {'; '.join(grammar.objections(text))}; no other line fits either"
+            raise DataError(what, f"correct --format, or write {_AS_SERIALS}")
     return ProductionOrder(path.name, frozenset(serials), tuple(ranges))
 
 

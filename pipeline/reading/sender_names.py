@@ -11,6 +11,8 @@ from glyphs.errors import FileError, MarksError
 from pipeline.errors import FaultError, OwnFileError, describe_fault, is_machine_error, shown_as
 
 _log = logging.getLogger(__name__)
+EXPECTED = "expected"
+"""Name of the text expected of a part, in errors that stand beside those of its files."""
 
 
 @contextlib.contextmanager
@@ -33,7 +35,7 @@ def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
         with shown_as(names):
             yield
     except VerifyError as error:
-        raise FileError("expected", error.what, error.hint) from error
+        raise FileError(EXPECTED, error.what, error.hint) from error
     except FileError as error:
         kind = OwnFileError if error.path.is_absolute() or is_machine_error(error) else FileError
         raise kind(error.path.name, without_folders(error.what), error.hint) from error

@@ -33,6 +33,7 @@ class ReadPart:
         readings: in the order they were made, the last one counts; or one with the error.
         plan: plan for touch; None if touch is not needed.
         sha256: hash of its files and of its entry in the list of parts.
+        unverified: the text expected of it could not be looked for: a person decides.
     """
 
     readings: tuple[ReadingRecord, ...]
@@ -40,6 +41,7 @@ class ReadPart:
     plan: ScanPlanRecord | None = None
     measures: Mapping[Measure, float] = field(default_factory=dict)
     sha256: str = ""
+    unverified: bool = False
 
     @property
     def record(self) -> ReadingRecord:
@@ -47,7 +49,7 @@ class ReadPart:
 
     @property
     def state(self) -> PartState:
-        return state_after(self.record)
+        return PartState.REVIEW if self.unverified else state_after(self.record)
 
 
 def state_after(reading: ReadingRecord) -> PartState:

@@ -49,7 +49,13 @@ from pipeline.service.stage.devices import ScanOrder, camera_of, stage_of
 from pipeline.service.stage.work import NO_LIMIT, CameraWork, StageWork, TouchCall
 from pipeline.service.tasks import start
 from pipeline.service.touch_queue import TouchQueue
-from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, stopping
+from pipeline.service.web.problem import (
+    OwnProblem,
+    Problem,
+    UnreadableProblem,
+    UnverifiableProblem,
+    stopping,
+)
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import AlreadyDoneError
 from pipeline.store.parts import Added, IdempotencyKey
@@ -194,7 +200,7 @@ class Intake:
             except UnreadableProblem as problem:
                 if self.draining or not keep_unreadable:  # workers are lost at the service's end, too
                     raise
-                done = _unread(problem.detail)
+                done = await self._read_for_person(new, sent, problem)
             write = partial(
                 self.store.add_part,
                 part_id=part_id,
@@ -245,6 +251,9 @@ class Intake:
         self._refuse_if_draining()
         call = TouchCall(time.monotonic() + within_s)
         new = NewPart(name=name, expected=expected, job=job, touch=Touch.STAGE)
+        # before the camera: a picture is taken once, and would be used up
+        looked_for = "" if self._in_shadow(new) else new.expected
+        await asyncio.to_thread(self.calls.check_expected, looked_for, new.job)
         with self.work_folder() as folder:
             try:
                 pictures = await self.camera.take(new.name, folder, known=self.store.known_keys)
@@ -334,6 +343,21 @@ class Intake:
             names={str(upload.path): upload.name for upload in sent},
         )
         return await self.calls.read(job, job=part.job, database=part.database, felt_by=felt_by)
+
+    async def _read_for_person(
+        self, new: NewPart, sent: Sequence[Upload], problem: UnreadableProblem
+    ) -> ReadPart:
+        """Read a part that nobody waits for, without the text expected of it if the problem is that text."""
+        if not isinstance(problem, UnverifiableProblem):
+            return _unread(problem.detail)
+        try:
+            done = await self._read(replace(new, expected=""), sent)
+        except UnreadableProblem as unreadable:
+            return _unread(unreadable.detail)
+        messages = (*done.record.messages, f"not verified: {problem.detail}")
+        reasons = (*done.record.reasons, ReasonRecord("not_verified"))
+        record = replace(done.record, messages=messages, reasons=reasons)
+        return replace(done, readings=(*done.readings[:-1], record), unverified=True)
 
     async def _feel(self, part: PartRecord, call: TouchCall) -> PartRecord:
         if part.plan is None:

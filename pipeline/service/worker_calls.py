@@ -21,9 +21,10 @@ from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
 from pipeline.errors import FaultError, OwnFileError
 from pipeline.reading.part_job import PartJob, check_settings, read_on_stage, read_sent
+from pipeline.reading.sender_names import EXPECTED
 from pipeline.reading.triage import ReadPart
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, busy
+from pipeline.service.web.problem import OwnProblem, Problem, UnreadableProblem, UnverifiableProblem, busy
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
@@ -113,6 +114,12 @@ class WorkerCalls:
         except (Problem, FileError):
             return ""
 
+    def check_expected(self, text: str, job: str) -> None:
+        """Raises Problem: there is no such job, or the text does not fit its format."""
+        settings = self.jobs.settings(job)
+        if why := outside_format(text, settings):
+            raise UnverifiableProblem(422, f"{EXPECTED}: is {text!r}, but {why}; correct one of them")
+
     async def read(
         self,
         part: PartJob,
@@ -177,6 +184,8 @@ class WorkerCalls:
             self._lost.clear()
             if isinstance(error, OwnFileError):
                 raise OwnProblem(str(error)) from error
+            if error.path.name == EXPECTED:
+                raise UnverifiableProblem(422, str(error)) from error
             raise UnreadableProblem(500 if isinstance(error, FaultError) else 422, str(error)) from error
         self._lost.clear()
         return done

@@ -562,7 +562,7 @@ def pair_table(pairs: Sequence[Pair]) -> Iterator[str]:
         )
 
 
-def severity_table(parts: Sequence[StudyPart], cells: Sequence[Cell]) -> Iterator[str]:
+def severity_table(parts: Sequence[StudyPart], cells: Sequence[Cell], *, by: str = "reader") -> Iterator[str]:
     """Characters and serials right by severity, %."""
     severities = sorted({float(part.levels["severity"] or 0.0) for part in parts})
     groups = [[part for part in parts if part.levels["severity"] == severity] for severity in severities]
@@ -572,7 +572,7 @@ def severity_table(parts: Sequence[StudyPart], cells: Sequence[Cell]) -> Iterato
     for cell in cells:
         figures = []
         for group in groups:
-            readings = Readings.of(group, cell.name)
+            readings = Readings.of(group, cell.name, by=by)
             characters = bootstrap_share(readings.characters_right, readings.stamped)
             accepted = sum(row.accepted for row in readings.rows)
             figures.append(f"{percent(characters)} / {sum(readings.right)} / {accepted}")
@@ -633,6 +633,7 @@ def report(parts: Sequence[StudyPart]) -> Iterator[str]:
     yield from ("", "### Every cell against the default", "", *pair_table(others))
     yield from ("", "### By dirt", "", *severity_table(parts, BY_CORRELATION))
     yield from ("", "### Correlation alone", "", *correlation_table(by_correlation))
+    yield from ("", *severity_table(by_correlation, BY_CORRELATION, by="correlation"))
     pairs = [
         Pair.of(by_correlation, *names, by="correlation") for names in PROFILED if "noise" not in names[0]
     ]

@@ -49,6 +49,7 @@ from pipeline.formats.kinds import (
     kind_of,
 )
 from pipeline.formats.part_files import set_of
+from pipeline.formats.table_file import encoding_of
 from pipeline.service.inputs.trigger import ANSWER_S
 from pipeline.service.intake import Intake, NewPart, Touch
 from pipeline.service.stage.work import TouchCall
@@ -369,7 +370,8 @@ def _all_whole(files: Iterable[str]) -> bool:
 def _first_line(file: str) -> str:
     try:
         with open_no_link(Path(file)) as source:
-            line = source.read(4 * MOST_NAME).decode("utf-8-sig", "replace").partition("\n")[0]
+            head = source.read(4 * MOST_NAME)
+            line = head.decode(encoding_of(head), "replace").partition("\n")[0]
     except OSError:
         return ""
     return "".join(char for char in line if char.isprintable()).strip()[:MOST_NAME]

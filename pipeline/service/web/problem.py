@@ -95,6 +95,10 @@ class UnreadableProblem(Problem):
     """A file that cannot be read, or at which workers were lost: no part is read from it again by itself."""
 
 
+class UnverifiableProblem(UnreadableProblem):
+    """A text expected of the part that its reader cannot look for; the files may be sound."""
+
+
 def busy(wait_s: float) -> Problem:
     """The answer while the queue of parts is full."""
     seconds = str(max(1, round(wait_s)))

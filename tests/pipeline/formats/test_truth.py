@@ -87,6 +87,9 @@ def test_accuracy_by_its_definition() -> None:
     ]
     assert "characters 0.00%" in score([row("a", "X" * 90)], truth).lines()[0]
     assert "no part" in score([row("stranger", "")], truth).lines()[0]
+    # an empty cell, or a formula that was never computed
+    empty = score([row("a", "A"), row("b", "B")], {"a": "", "b": "B"})
+    assert empty.lines() == ["characters 100.00% (0 edits in 1), serials 100.00% (1 of 1); 1 without a truth"]
 
 
 def test_truths_that_no_serial_of_the_format_can_be_are_named() -> None:
@@ -173,6 +176,23 @@ def test_what_may_be_a_range_or_a_serial_is_asked(cell: str, format: str | None,
     told = rf"line 1: {cell} may be one serial, or all .*; write {first}\.\.{last} for a range"
     with pytest.raises(FileError, match=told):
         read_order(tmp_path / "order.txt", None if format is None else Grammar.parse(format))
+
+
+@pytest.mark.parametrize(
+    "lines", ["KX400:KX499", "KX400 to KX499", "kx400\nkx499", "Note", "KX40..KX49\nKX5"]
+)
+def test_an_order_that_no_line_of_can_be_a_serial_is_refused(lines: str, tmp_path: Path) -> None:
+    (tmp_path / "order.txt").write_text(f"{lines}\n")
+    with pytest.raises(
+        FileError, match=r"line 1 is .*, but it does not fit the format AA999; no other line fits"
+    ):
+        read_order(tmp_path / "order.txt", Grammar.parse("AA999"))
+
+
+def test_an_order_may_hold_serials_of_other_parts_and_a_note(tmp_path: Path) -> None:
+    (tmp_path / "order.txt").write_text("Lot seven\nB-77\nKX400..KX402\n")
+    order = read_order(tmp_path / "order.txt", Grammar.parse("AA999"))
+    assert [order.holds(text) for text in ("KX401", "B-77", "KX403")] == [True, True, False]
 
 
 def _workbook_of(path: Path, sheet: str) -> Path:

@@ -179,6 +179,23 @@ def test_a_picture_from_before_the_trigger_counts_only_if_the_settings_say_so(tm
         take(tmp_path, "nest1", tmp_path / "into", timeout_s=0.3, early_s=LONG_S)
 
 
+def test_a_wrong_job_or_expected_text_takes_no_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with inline_service(tmp_path) as served:
+        service, client = served
+
+        def take(*_: object, **__: object) -> None:
+            raise AssertionError("the camera was asked")
+
+        monkeypatch.setattr(service.intake.camera, "take", take)
+        with pytest.raises(Problem, match="no job 'nope'"):
+            triggered(served, "nest1", "nope")
+        trigger = partial(service.intake.trigger, "nest1", expected="XX")
+        with pytest.raises(Problem, match="expected: is 'XX', but it does not fit the format AA99"):
+            client.portal.call(trigger)
+
+
 def test_one_picture_is_read_for_one_part_also_after_a_restart(tmp_path: Path) -> None:
     pictures = tmp_path / "pictures"
     pictures.mkdir()

@@ -17,6 +17,7 @@ import structlog
 from glyphs.errors import FileError
 from pipeline.common.private import open_no_link
 from pipeline.common.records import PartRecord, PartState
+from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.intake import NewPart, Received, Touch
@@ -292,6 +293,34 @@ def test_a_text_beside_a_photograph_is_the_serial_expected_of_it(tmp_path: Path,
     bench.put("b.png")
     bench.look(2)
     assert {part.name: part.expected for part in bench.parts} == {"day/a": "KX407251", "b": ""}
+
+
+@pytest.mark.parametrize("written", ["kx407251".encode("utf-16"), b"KX407251;lot 7"])
+def test_a_part_whose_expected_text_cannot_be_a_serial_is_read_and_goes_to_a_person(
+    written: bytes, tmp_path: Path
+) -> None:
+    jobs: list[PartJob] = []
+
+    def read(job: PartJob) -> ReadPart:
+        jobs.append(job)
+        if job.expected:
+            raise FileError("expected", f"is {job.expected!r}, but it does not fit", "correct one of them")
+        return ReadPart((reading(),))
+
+    with inline_service(tmp_path / "s", instead=read) as served:
+        bench = Bench(tmp_path, served, expected=True)
+        bench.put("a.txt", written)
+        bench.put("a.png")
+        bench.look(2)
+        (part,) = bench.parts
+    assert [job.expected for job in jobs] == [part.expected, ""]
+    assert part.expected in ("kx407251", "KX407251;lot 7")
+    assert part.state is PartState.REVIEW
+    assert part.reading is not None
+    assert part.reading.text == reading().text
+    assert part.reading.messages[-1] == (
+        f"not verified: expected: is {part.expected!r}, but it does not fit; correct one of them"
+    )
 
 
 def test_only_the_latest_photograph_that_came_just_now_is_felt_at_once(
