@@ -78,6 +78,9 @@ class VisionReader:
         if seen is None:
             seen = self._of_sizes(chain((smallest,), sizes), request, codes, only_known=large)
         evidence = seen.with_layout()
+        layout, shown = evidence.layout, evidence.log.photo
+        if not large and shown is not None and layout is not None and layout.line is not None:
+            evidence = self._of_size(shown, request, codes, (layout.line,)).with_layout()
         cropped = evidence.log.photo is None or evidence.log.whole_photo is not None or area is not None
         return evidence.logged(stopped=deadline.stopped, whole_photo=whole if cropped else None)
 

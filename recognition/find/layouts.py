@@ -1,10 +1,12 @@
 """Layouts that are not read as a serial.
 
+    upside down a line reads well from its other end, though the search passed it over
     mirrored    a line reads well in the mirrored view
     column      the pieces of a line that runs up or down, laid side by side, read well
     two lines   the texts of two lines together fit the format
 
-Only a doubtful part is looked at again. Lines on an arc are read (`recognition.find.tries`).
+Only a doubtful part is looked at again; a photograph that lies upside down is then read so. Lines on an arc are read
+(`recognition.find.tries`).
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from recognition.see.view import GREY, HEIGHTS, KNOWN, Layers, View
 class LayoutKind(StrEnum):
     """Layouts of a serial that are recognised, but not read."""
 
+    UPSIDE_DOWN = "upside down"
     MIRRORED = "mirrored"
     COLUMN = "column"
     TWO_LINES = "two lines"
@@ -39,10 +42,14 @@ class LayoutKind(StrEnum):
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout in which a part reads well, with the text of the serial, or of both its lines."""
+    """A layout in which a part reads well, with the text of the serial, or of both its lines.
+
+    `line` is the one that lies upside down, in reading direction.
+    """
 
     kind: LayoutKind
     texts: tuple[str, ...]
+    line: TextLine | None = None
 
 
 def other_layout(
@@ -85,6 +92,9 @@ def _layouts(
         reads_well = is_convincing(read, limits.sure) and promise_of(read[0]) > least
         return choose(read[0].lattice, grammar, k=1).text if reads_well else ""
 
+    other_way = search.read([line.reversed for line in lines[:2]], cheap=True)
+    if text := text_of(other_way):
+        yield Layout(LayoutKind.UPSIDE_DOWN, (text,), other_way[0].line)
     mirror = search.on(search.view.mirrored)
     there = [line_in_view(line, search.view, Way.ROWS_REVERSED) for line in lines[:2]]
     if text := text_of(mirror.read([*there, *(line.reversed for line in there)], cheap=True)):

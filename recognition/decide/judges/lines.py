@@ -124,6 +124,8 @@ def layout(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> It
 
 def _layout_text(layout: Layout) -> str:
     texts = [f"“{text}”" for text in layout.texts]
+    if layout.kind is LayoutKind.UPSIDE_DOWN:
+        return f"the part lies upside down: from its other end it reads {texts[0]} (turn it, or the picture)"
     if layout.kind is LayoutKind.MIRRORED:
         return f"the marks look mirrored: in a mirror they read {texts[0]} (mirror the picture or the map)"
     if layout.kind is LayoutKind.COLUMN:

@@ -95,3 +95,12 @@ def test_a_dirty_part_in_a_usual_layout_is_none_of_them(reader: Reader) -> None:
     seen = reader.read(dirty.photograph())
     assert seen.decision is not Decision.ACCEPT
     assert not seen.flags & ReadingFlag.LAYOUT
+
+
+@pytest.mark.parametrize("text", ["KD2746", "HM4410"])
+def test_a_photograph_that_lies_upside_down_is_read(text: str, reader: Reader) -> None:
+    upright = stamp(text, seed=4).photograph()
+    turned = replace(upright, pixels=np.ascontiguousarray(upright.pixels[::-1, ::-1]))
+    assert [reader.read(photo).text for photo in (upright, turned)] == [text, text]
+    told = Reader(format=FORMAT, orientation="upright").read(turned)
+    assert told.decision is not Decision.ACCEPT
