@@ -66,8 +66,8 @@ def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
 
 def _kind(body: str) -> tuple[str, str]:
     kind, colon, value = body.partition(":")
-    if body in ("vin", "vin-na"):
-        return "check", body
+    if body.lower() in ("vin", "vin-na"):
+        return "check", body.lower()
     if not colon or kind not in ("mask", "re", "sets", "check", "fields"):
         if not body:
             raise FormatError(

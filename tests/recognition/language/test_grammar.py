@@ -68,6 +68,7 @@ def test_vin() -> None:
     assert not grammar.allows("WVWZZZ1KZAW000871")
     assert grammar.objections("1M8GDM9AXKP04278") == ("vin-na has 17 characters",)
     grammar = Grammar.parse("vin")
+    assert Grammar.parse("VIN") == grammar
     assert grammar.places(17) == ("".join(VIN_CHARACTERS),) * 17
     assert grammar.allows("WVWZZZ1KZAW000871")
     assert grammar.allows("1M8GDM9AXKP042788")
