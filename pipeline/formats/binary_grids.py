@@ -74,6 +74,8 @@ def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
     head = {key.strip(): value.strip() for key, _, value in lines}
     rows, cols = int(head["YRes"]), int(head["XRes"])
     if (unit := head.get("ZUnits", "")) not in MM:
+        if not unit:
+            raise DataError("states no unit of its values", "export the heights with their unit, such as m")
         raise DataError(f"holds no heights: its values have the unit {unit!r}", "export the heights")
     z = numbers_in(data, "<f4", end + 4 - end % 4, (rows, cols), most)
     pitches = float(head.get("XReal", 1.0)) / cols, float(head.get("YReal", 1.0)) / rows

@@ -19,7 +19,15 @@ from glyphs.errors import FileError, MarksError
 from glyphs.plain_text import visible
 from pipeline.common.texts import first_of
 from pipeline.errors import is_url, is_web, problem_of
-from pipeline.formats.kinds import PHOTO_SUFFIXES, READ_NAMES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
+from pipeline.formats.kinds import (
+    OF_SYSTEM,
+    PHOTO_SUFFIXES,
+    READ_NAMES,
+    TABLE_SUFFIXES,
+    UNREAD_PICTURE_SUFFIXES,
+    is_system_folder,
+    why_not_searched,
+)
 from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
 from pipeline.formats.part_files import (
     PartFiles,
@@ -33,6 +41,8 @@ from pipeline.formats.part_files import (
 
 _MOST_NAME = 80
 _MOST_NAMES = 20
+# keys of the counts beside suffixes
+_NO_SUFFIX = ("hidden", "folder")
 _HINTS = (
     (PHOTO_SUFFIXES, "lone photographs are read without --mode, heights in pictures with --height-image"),
     (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
@@ -55,9 +65,10 @@ class NothingFoundError(MarksError):
 
 @dataclass(frozen=True)
 class PassedOver:
-    """Files of folders that belong to no part, and folders that were not searched, with the reason."""
+    """Files of folders that belong to no part, hidden ones, and folders that were not searched, with the reason."""
 
     files: list[str] = field(default_factory=list)
+    hidden: list[str] = field(default_factory=list)
     folders: dict[str, str] = field(default_factory=dict)
 
     def without(self, used: Iterable[str | Path]) -> PassedOver:
@@ -70,16 +81,19 @@ class PassedOver:
     def counts(self) -> Counter[str]:
         suffixes = (os.path.splitext(split_name(file)[1])[1] for file in self.files)
         counts = Counter(suffix.lower()[:20] or "no suffix" for suffix in suffixes)
-        return counts + Counter(folder=len(self.folders))
+        return counts + Counter(hidden=len(self.hidden), folder=len(self.folders))
 
     def describe(self) -> str:
         texts = []
         if self.files:
-            kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix != "folder"}
+            kinds = {suffix: n for suffix, n in sorted(self.counts.items()) if suffix not in _NO_SUFFIX}
             counts = ", ".join(f"{n} {suffix}" for suffix, n in kinds.items())
             names = first_of([split_name(file)[1] for file in self.files], _MOST_NAMES)
             texts = [f"passed over {_number(self.files, 'file')} ({counts}): {names}"]
             texts += [hint for suffixes, hint in _HINTS if not kinds.keys().isdisjoint(suffixes)]
+        if self.hidden:
+            names = first_of([split_name(file)[1] for file in self.hidden], _MOST_NAMES)
+            texts.append(f"passed over {_number(self.hidden, 'hidden file')}: {names}")
         if self.folders:
             names = first_of(
                 [f"{split_name(place)[1]} ({why})" for place, why in self.folders.items()], _MOST_NAMES
@@ -116,9 +130,9 @@ def discover(
     """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
     Files of other kinds are passed over in a folder or glob. Named on their own they are parts with a problem, as are
-    missing files. A part in a subfolder has the subfolder in its name. Hidden folders, links to folders and subfolders
-    of a web server are not searched. A URL with the suffix of a known kind counts as a file without a check; any other
-    URL is listed.
+    missing files. A part in a subfolder has the subfolder in its name. Hidden folders, folders of the system, links to
+    folders and subfolders of a web server are not searched. A URL with the suffix of a known kind counts as a file
+    without a check; any other URL is listed.
 
     Args:
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
@@ -140,6 +154,8 @@ def discover(
     for name in names:
         if len(names) > 1 and names_no_files(name):  # of a glob that the shell has expanded
             part_files.passed_over.files.append(name)
+        elif len(names) > 1 and is_system_folder(split_name(name)[1]) and os.path.isdir(name):  # likewise
+            part_files.passed_over.folders[name] = OF_SYSTEM
         elif is_manifest(name):
             part_files.add_listed(read_manifest(name))
         elif not is_url(name):
@@ -181,7 +197,10 @@ class FoundFiles:
             folders = [path for path in paths if os.path.isdir(path)]
             self.add([path for path in paths if os.path.isfile(path)])
             for folder in folders if "**" not in name else ():
-                self._add_folder(folder, root=folder)
+                if is_system_folder(split_name(folder)[1]):
+                    self.passed_over.folders[folder] = OF_SYSTEM
+                else:
+                    self._add_folder(folder, root=folder)
 
     def _add_folder(self, folder: str, *, root: str) -> None:
         files, folders = _entries(folder)
@@ -189,7 +208,7 @@ class FoundFiles:
         for below in folders:
             why = "" if self._recurse else "--no-recurse"
             why = "a link" if os.path.islink(below) else why
-            why = "hidden" if split_name(below)[1].startswith(".") else why
+            why = why_not_searched(split_name(below)[1]) or why
             try:
                 if not why:
                     self._add_folder(below, root=root)
@@ -208,6 +227,8 @@ class FoundFiles:
         for file in files:
             key, kind = self._key_and_kind(file)
             if key is None:
+                if root or named:  # a glob names no hidden file
+                    self.passed_over.hidden.append(file)
                 continue
             if named:
                 kind = kind or kind_of_named(file)

@@ -16,7 +16,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
-from pipeline.formats.raw_map import PROFILE, RawMap, check_size, without_bad_points
+from pipeline.formats.raw_map import PROFILE, RawMap, check_size, without_bad_points, without_isolated_value
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
@@ -91,10 +91,10 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     if not absurd:
         return z_mm, xy_mm
     choices = [
-        (unit == "in", shape.unusual(z), what, unit)
+        (unit == "in" or (unit == "nm" and raw.z_mm is not None), shape.unusual(z), what, unit)
         for unit in UNITS
-        # no format that states a unit confuses it with the nanometre
-        if unit != "nm" or raw.z_mm is None
+        # no format that states a unit confuses it with the nanometre, except in a map of absurd size
+        if unit != "nm" or raw.z_mm is None or shape.odd_size(xy_mm)
         for what, (z, xy) in factors(unit).items()
         if not shape.absurdity(z, xy)
         # a table may state the unit of its distances alone
@@ -259,7 +259,14 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
     z = without_bad_points(np.array(raw.z, dtype=np.float64))
     if not np.isfinite(z).any():
         raise DataError("has no finite height; every point is a dropout", "measure it again")
-    z_mm, xy_mm = factors_to_mm(replace(raw, z=z), min(x_pitch, y_pitch), settings)
+    raw, pitch = replace(raw, z=z), min(x_pitch, y_pitch)
+    try:
+        z_mm, xy_mm = factors_to_mm(raw, pitch, settings)
+    except DataError:
+        z = without_isolated_value(z.copy())
+        if not _fits_better(replace(raw, z=z), raw, pitch, settings):
+            raise
+        z_mm, xy_mm = factors_to_mm(replace(raw, z=z), pitch, settings)
     z *= z_mm
     offset = float(np.median(z[np.isfinite(z)]))
     if abs(offset) > MOST_OFFSET_MM:
@@ -275,6 +282,21 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
     z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
     height_map = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
     return PartMap(height_map, soil, raw.rows_stated or settings.rows is not None)
+
+
+def _fits_better(rest: RawMap, raw: RawMap, pitch: float, settings: MapSettings) -> bool:
+    """Whether the rest of the heights fits a part in the file's unit, and no worse than all of them in another one."""
+    if np.isfinite(rest.z).sum() == np.isfinite(raw.z).sum():
+        return False
+    shape, rest_shape = _Shape(raw, pitch), _Shape(rest, pitch)
+    z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
+    if rest_shape.absurdity(z_mm, xy_mm):
+        return False
+    in_other_unit = min(
+        (shape.unusual(MM[unit]) for unit in UNITS if not shape.absurdity(MM[unit], xy_mm)),
+        default=np.inf,
+    )
+    return rest_shape.unusual(z_mm) <= in_other_unit
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:

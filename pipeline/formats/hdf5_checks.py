@@ -6,7 +6,9 @@ the server's. Nothing is decoded and no link is followed.
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,17 @@ MOST_DEPTH = 16
 MOST_CHUNK_BYTES = 268_435_456
 # HDF5 makes an object for each chunk, even for those that were never written
 MOST_CHUNKS = 50_000
+
+
+@contextlib.contextmanager
+def hdf5_damage() -> Iterator[None]:
+    """Report an error of the HDF5 library that is not the system's as damage, without the library's own words."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno:
+            raise
+        raise MarksError("is damaged or cut short", hint="copy it again") from error
 
 
 def check_hdf5(path: Path, *, most: int | None) -> None:
@@ -41,7 +54,7 @@ def check_hdf5(path: Path, *, most: int | None) -> None:
             return MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
         return None
 
-    with h5py.File(path, "r") as file:
+    with hdf5_damage(), h5py.File(path, "r") as file:
         if (problem := file.visititems_links(see)) is not None:
             raise problem
         for name, link in links.items():

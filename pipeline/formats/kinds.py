@@ -36,6 +36,14 @@ _TEMPORARY = re.compile(
     re.IGNORECASE,
 )
 """Names under which programs write a file before they rename it: FTP and SFTP clients, browsers, editors, rsync."""
+_SYSTEM_FOLDERS = {
+    *("$recycle.bin", "recycler", "system volume information", "lost+found", "__macosx"),
+    # network drives of Synology and QNAP
+    *("@eadir", "#recycle", "#snapshot", "@tmp", "@recycle", "@recently-snapshot"),
+}
+"""Folders of operating systems and network drives for deleted files, previews and snapshots; in lower case."""
+OF_SYSTEM = "of the system"
+"""Why such a folder is passed over."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +135,16 @@ def is_temporary(name: str) -> bool:
     stem, suffix = os.path.splitext(name.lower())
     longer = suffix not in PHOTO_SUFFIXES and os.path.splitext(stem)[1] in PHOTO_SUFFIXES
     return longer or _TEMPORARY.match(name) is not None
+
+
+def is_system_folder(name: str) -> bool:
+    """Whether a folder of this name holds the system's own copies of files, not the user's files."""
+    return name.lower() in _SYSTEM_FOLDERS
+
+
+def why_not_searched(name: str) -> str:
+    """Why a folder of this name, below one that is searched, is not searched itself; empty if it is."""
+    return "hidden" if name.startswith(".") else OF_SYSTEM if is_system_folder(name) else ""
 
 
 def is_cut_short(picture: Path) -> bool:

@@ -156,11 +156,18 @@ def _open_image(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
             image = Image.open(path, formats=[kind.name])
         except UnidentifiedImageError:
             raise DataError(*refusal(data[:HEAD_BYTES])) from None
+        except OSError as error:
+            raise _damage(kind.name) from error
         except Image.DecompressionBombError:
             raise DataError(f"is over the limit of {most:,} pixels", "crop or shrink it") from None
         with image:
             _check_work(path, image, most)
             yield image
+
+
+def _damage(kind: str | None) -> DataError:
+    what = f"is a {kind} that is damaged, unusual or ends too soon"
+    return DataError(what, "copy it again, or save it as PNG of 8 bit")
 
 
 def _check_work(path: Path, image: ImageFile, most: int = MAX_PIXELS) -> None:
@@ -245,8 +252,7 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
             opaque = "RGBA" if image.has_transparency_data else "RGB"
             pixels = np.asarray(image if image.mode in ("RGB", "RGBA") else image.convert(opaque))
     except (OSError, SyntaxError, ValueError) as error:
-        what = f"is a {image.format} that is damaged, unusual or ends too soon"
-        raise DataError(what, "copy it again, or save it as PNG of 8 bit") from error
+        raise _damage(image.format) from error
     # both libraries have turned a TIFF already
     turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
     return turn_upright(pixels, turned)

@@ -46,6 +46,11 @@ _GAP = 6.0
 _LEVEL = 0.9994
 # a grid: least rows and columns, least share of them with a point, and pitches by which a point may miss its place
 _LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
+# problem and hint of points on a line whose other numbers spread as those of a surface
+_UNNAMED = (
+    "holds points whose first columns are not x, y and z",
+    "head the columns x, y and z, or export these three alone",
+)
 
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -167,7 +172,7 @@ def map_of_points(
         raise DataError(f"holds {known.sum()} points", "export the surface")
     if faces is None:
         if _is_profile(xyz[known]):
-            raise DataError(*PROFILE)
+            raise DataError(*(_UNNAMED if _sweeps(xyz[known]) else PROFILE))
         faces = np.empty((0, 3), dtype=np.int64)
     gridded = _on_grid(xyz[known])
     if gridded is None:
@@ -189,6 +194,15 @@ def _is_profile(points: Points) -> bool:
     steps = np.diff(points[:, :2], axis=0)
     one_way = steps.min(axis=0) * steps.max(axis=0) >= 0.0
     return bool((one_way & (steps.std(axis=0) < 0.5 * np.abs(steps.mean(axis=0)))).any())
+
+
+def _sweeps(points: Points) -> bool:
+    """Whether a coordinate of the points runs in equal steps and starts again, line by line, as over a surface."""
+    steps = np.diff(points, axis=0)
+    usual = np.median(steps, axis=0)
+    is_usual = (np.abs(steps - usual) < 0.5 * np.abs(usual)).mean(axis=0)
+    starts_again = (steps * np.sign(usual) < (1.5 - _LEAST_GRID) * np.abs(usual)).sum(axis=0)
+    return bool(((is_usual > 0.8) & (starts_again >= _LEAST_GRID - 1)).any())
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,8 @@ _MISSING = (-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0)
 _APART, _FAR_APART = 2.0, 100.0
 # share of the points that may be missing, for the well-known heights and for other markers
 _MOST_MISSING, _MOST_OTHERS = 0.9, 0.2
+# shares of the points that may have an isolated value, and its least distance from all others in ranges of the others
+_LEAST_SHARED, _MOST_SHARED, _ISOLATED = 0.001, 0.5, 8.0
 _SUBSAMPLE = 200_000
 # problems and hints of files of every format
 PROFILE = ("holds a profile", "measure a surface")
@@ -74,6 +77,20 @@ def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
     The marker is the lowest or highest value, frequent and far from all others.
     """
+    return _without_markers(z, _stands_for_missing)
+
+
+def without_isolated_value(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Replace the lowest or highest value by NaN, in place, if many samples share it and no other comes near it.
+
+    It may be a real depth: a map that fits a part as it is keeps it.
+    """
+    return _without_markers(z, _is_isolated)
+
+
+def _without_markers(
+    z: NDArray[np.float64], is_marker: Callable[[float, NDArray[np.float64]], bool]
+) -> NDArray[np.float64]:
     z[~np.isfinite(z)] = np.nan
     z[np.abs(z) > 1e30] = np.nan
     for _ in range(2):  # one below all others and one above
@@ -81,7 +98,7 @@ def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
         if known.size < 2:
             break
         for end in (float(known.min()), float(known.max())):
-            if _stands_for_missing(end, known):
+            if is_marker(end, known):
                 z[z == end] = np.nan
     return z
 
@@ -90,12 +107,24 @@ def _stands_for_missing(value: float, known: NDArray[np.float64]) -> bool:
     others = known[known != value]
     if not others.size:
         return False
-    share = 1.0 - others.size / known.size
+    share, spread, gap = _isolation(value, others, known.size)
     well_known = value in _MISSING or set(f"{abs(value):.6g}".replace(".", "").split("e")[0]) == {"9"}
-    few = others[:: max(1, others.size // _SUBSAMPLE)]
-    spread = float(np.ptp(np.percentile(few, (0.5, 99.5))))
-    gap = float(np.abs(others - value).min())
     if well_known:
         return share <= _MOST_MISSING and gap > _APART * spread
     often = 0.0 < share <= _MOST_OTHERS and share * known.size > 1.5
     return often and spread > 0.0 and gap > _FAR_APART * spread
+
+
+def _is_isolated(value: float, known: NDArray[np.float64]) -> bool:
+    others = known[known != value]
+    if not others.size:
+        return False
+    share, spread, gap = _isolation(value, others, known.size)
+    return _LEAST_SHARED <= share <= _MOST_SHARED and spread > 0.0 and gap > _ISOLATED * spread
+
+
+def _isolation(value: float, others: NDArray[np.float64], count: int) -> tuple[float, float, float]:
+    """Share of `count` heights that have the value, range of the others, and distance of the nearest one."""
+    few = others[:: max(1, others.size // _SUBSAMPLE)]
+    spread = float(np.ptp(np.percentile(few, (0.5, 99.5))))
+    return 1.0 - others.size / count, spread, float(np.abs(others - value).min())

@@ -23,7 +23,7 @@ from typing import Any
 
 from glyphs.errors import FileError, MarksError, MissingExtraError
 from pipeline.errors import WEB, is_url, is_web, problem_of, shown_as
-from pipeline.formats.kinds import MOST_BYTES
+from pipeline.formats.kinds import MOST_BYTES, why_not_searched
 from pipeline.formats.part_files import (
     LOCAL,
     PartFiles,
@@ -81,7 +81,7 @@ def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]]
             for below, folder in sorted(folders.items()):
                 why = "" if recurse or not root else "--no-recurse"
                 why = "a folder of a web server" if is_web(url) else why
-                why = "hidden" if split_name(folder)[1].startswith(".") else why
+                why = why_not_searched(split_name(folder)[1]) or why
                 if why:
                     skipped[folder] = why
                 elif below != path.rstrip("/") and "**" not in url:

@@ -262,6 +262,12 @@ _AXIS = re.compile(
     r"(?:(?:pos\w*|coord\w*|value|index|number)[\W_]*)?"
     rf"(?P<unit>(?:{_KNOWN_UNIT})(?![a-z])|(?<=[\[(])[^\W\d_]+)?[\W_]*"
 )
+# the same with words of a position around the axis: Pos X, Stage Y [mm], X-Achse, Z-Koordinate (µm), measured height
+_WORDS = r"(?:(?:pos(?:ition)?|[ck]oord(?:inate)?|axis|achse|stage|meas(?:ured)?|value|(?:mess)?wert)[\W_]*)"
+_POSITION = re.compile(
+    rf"{_WORDS}{{0,2}}(?P<axis>[xyz]|height|h[öo]hen?)(?:(?![^\W\d_])[\W_]*|(?={_WORDS})){_WORDS}{{0,2}}"
+    rf"(?P<unit>(?:{_KNOWN_UNIT})(?![a-z]))?[\W_]*"
+)
 
 
 def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
@@ -298,8 +304,26 @@ def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], str, float |
         rows, columns, heights = (table.rows[:, axes[axis][0]] for axis in "rcz")
         return np.stack([columns, -rows, heights], axis=1), axes["z"][1], None
     if not {"x", "y", "z"} <= axes.keys():
+        axes = _named_positions(table.names)
+    if not axes:
         return None
     return table.rows[:, [axes[axis][0] for axis in "xyz"]], axes["z"][1], MM.get(axes["x"][1])
+
+
+def _named_positions(names: Sequence[str]) -> dict[str, tuple[int, str]]:
+    """Column and unit of x, y and z under longer headings; empty if one is missing.
+
+    Empty, too, for the first three columns without a unit of z: there the heading's other lines may state it.
+    """
+    axes: dict[str, tuple[int, str]] = {}
+    for column, name in enumerate(names):
+        if len(name) <= _MOST_NAME and (axis := _POSITION.fullmatch(name.strip("\"'# "))):
+            unit = axis["unit"] or ""
+            axes.setdefault(axis["axis"][0].replace("h", "z"), (column, unit if unit in MM else ""))
+    if not {"x", "y", "z"} <= axes.keys():
+        return {}
+    are_first = [axes[axis][0] for axis in "xyz"] == [0, 1, 2]
+    return {} if are_first and not axes["z"][1] else axes
 
 
 def _zygo(text: str, most: int) -> RawMap:

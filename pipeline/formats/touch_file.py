@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, naming, reading
-from pipeline.formats.hdf5_checks import check_hdf5
+from pipeline.formats.hdf5_checks import check_hdf5, hdf5_damage
 from pipeline.formats.kinds import (
     BYTES_PER_SAMPLE,
     INSTRUMENT_READER,
@@ -72,10 +72,10 @@ def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
 
     most_bytes = MOST_BYTES["scan"] if most is None else most * 16 + SPARE_BYTES
     with reading(Path(path), kind="HDF5", most_bytes=most_bytes):
-        if h5py.is_hdf5(path):
-            check_hdf5(Path(path), most=most)
-        elif most is not None:
+        if not h5py.is_hdf5(path):
             raise DataError(
                 "is not an HDF5 file", "record it again, or send a height map under its own suffix"
             )
-        return load_scan(path)
+        check_hdf5(Path(path), most=most)
+        with hdf5_damage():
+            return load_scan(path)

@@ -42,9 +42,11 @@ from pipeline.common.records import EvidenceKind
 from pipeline.errors import describe_fault
 from pipeline.formats.kinds import (
     HEAD_BYTES,
+    OF_SYSTEM,
     PHOTO_SUFFIXES,
     UNREAD_PICTURE_SUFFIXES,
     is_cut_short,
+    is_system_folder,
     is_temporary,
     kind_of,
 )
@@ -250,6 +252,8 @@ class WatchedFolder:
             left = time.time() - status.st_mtime > LEFT_S
             return "has the name of an unfinished upload, or a hidden one" if left else ""
         if stat.S_ISDIR(status.st_mode):
+            if is_system_folder(entry.name):
+                return f"is a folder {OF_SYSTEM}"
             return "" if self._settings.recurse else "is a folder, and watch.recurse is off"
         if suffix in PHOTO_SUFFIXES or suffix in UNREAD_PICTURE_SUFFIXES or self._is_expected(entry.name):
             return ""

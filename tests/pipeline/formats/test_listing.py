@@ -309,3 +309,28 @@ def test_folders_that_are_not_searched_are_named(tree: Path) -> None:
     assert top.passed_over.counts["folder"] == 4
     with pytest.raises(NothingFoundError, match=r"passed over 1 folder: 2026-11-28 \(--no-recurse\)"):
         discover([tree / "other"], recurse=False)
+
+
+def test_folders_of_the_system_and_hidden_files_are_passed_over_and_named(tmp_path: Path) -> None:
+    system = ("$RECYCLE.BIN", "System Volume Information", "@eaDir")
+    for name in ("a.png", ".x.jpg", "._P6.jpg", *(f"{folder}/z.png" for folder in system)):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    folders = "passed over 3 folders: " + ", ".join(f"{name} (of the system)" for name in sorted(system))
+    listing = discover([tmp_path])
+    assert [part.name for part in listing] == ["a"]
+    assert listing.passed_over.describe() == f"passed over 2 hidden files: ._P6.jpg, .x.jpg; {folders}"
+    assert listing.passed_over.counts == {"hidden": 2, "folder": 3}
+    # a glob names no hidden file, neither here nor expanded by the shell
+    for names in ([tmp_path / "*"], [p for p in sorted(tmp_path.iterdir()) if p.name[0] != "."]):
+        globbed = discover([str(name) for name in names])
+        assert [part.name for part in globbed] == ["a"]
+        assert globbed.passed_over.describe() == folders
+    # one that the user names alone is searched
+    assert [part.name for part in discover([tmp_path / "@eaDir"])] == ["z"]
+
+
+def test_a_hidden_file_that_is_named_alone_is_named_as_passed_over(tmp_path: Path) -> None:
+    (tmp_path / ".x.jpg").write_bytes(b"x")
+    with pytest.raises(NothingFoundError, match=r"passed over 1 hidden file: \.x\.jpg"):
+        discover([tmp_path / ".x.jpg"])

@@ -238,6 +238,7 @@ def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:
     [
         (None, "is not there"),
         (b"a letter, not a picture", "is not a picture that can be read"),
+        (_encoded(".webp", COLOUR)[:200], "WEBP that is damaged, unusual or ends too soon; copy it again"),
         (b"\xff\xd8\xff\xe0", "JPEG that is damaged or unusual; copy it again, or save it as PNG$"),
         (_encoded(".png", COLOUR[:5, :5]), "too few for characters"),
         (_encoded(".tiff", np.zeros((16, 16), np.float32)), "TIFF of 32 bit numbers"),

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import sdfio
@@ -97,6 +98,103 @@ def test_bad_points_of_instruments_become_dropouts(tmp_path: Path) -> None:
     loaded = read_height_map(tmp_path / "a.sdf")
     assert np.isnan(loaded.z_mm[-1, 0])
     assert np.isfinite(loaded.z_mm).sum() == loaded.z_mm.size - 2
+
+
+def plate() -> NDArray[np.float64]:
+    """60 x 80 samples 0.1 mm apart, rough to 2 um, with a mark 0.15 mm deep; mm."""
+    z = 0.002 * np.random.default_rng(0).standard_normal((60, 80))
+    z[20:40, 30:36] -= 0.15
+    return np.asarray(z)
+
+
+def some(share: float) -> NDArray[np.bool_]:
+    return np.asarray(np.random.default_rng(1).random((60, 80)) < share)
+
+
+@pytest.mark.parametrize(
+    ("dropout", "offset_mm"), [(0.0, 3.1), (0.0, -12.5), (-10.0, 0.0), (10.0, 0.0), (-5.0, 0.0)]
+)
+def test_dropouts_written_as_one_constant_are_no_depth(
+    dropout: float, offset_mm: float, tmp_path: Path
+) -> None:
+    missing = some(0.05)
+    z = np.where(missing, dropout, plate() + offset_mm)
+    loaded = read_height_map(save_npz(tmp_path / "a.npz", z_mm=z, pitch_mm=0.1))
+    np.testing.assert_array_equal(np.isnan(loaded.z_mm), missing)
+    assert np.nanmax(loaded.z_mm) - np.nanmin(loaded.z_mm) == pytest.approx(
+        np.ptp(plate()[~missing]), abs=1e-5
+    )
+
+
+def test_a_constant_depth_of_another_unit_is_no_dropout(tmp_path: Path) -> None:
+    """Marks of one depth, as a converter at its limit writes them, on a plate in micrometres."""
+    z = 1e3 * plate()
+    z[z < -100.0] = -150.0
+    path = save_npz(tmp_path / "a.npz", z_mm=np.round(z), pitch_mm=0.1)
+    with pytest.raises(FileError, match=r"are the heights micrometres\? then give --unit um"):
+        read_height_map(path)
+    assert np.isfinite(read_height_map(path, MapSettings(unit="um")).z_mm).all()
+
+
+def test_an_isolated_constant_of_a_map_that_fits_a_part_is_kept(tmp_path: Path) -> None:
+    z = np.where(some(0.05), -0.5, plate())
+    loaded = read_height_map(save_npz(tmp_path / "a.npz", z_mm=z, pitch_mm=0.1))
+    np.testing.assert_array_equal(loaded.z_mm, z.astype(np.float32))
+
+
+def test_the_unit_that_fits_is_named_though_a_format_states_metres(tmp_path: Path) -> None:
+    x3pio.write(tmp_path / "a.x3p", 1e6 * plate()[::-1], x_scale=1e5, y_scale=1e5)
+    with pytest.raises(FileError, match=r"are the numbers nanometres\? then give --unit nm"):
+        read_height_map(tmp_path / "a.x3p")
+    loaded = read_height_map(tmp_path / "a.x3p", MapSettings(unit="nm"))
+    np.testing.assert_allclose(loaded.z_mm, plate(), atol=1e-6)
+
+
+def test_a_grid_of_gwyddion_without_a_unit_is_said_to_have_none(tmp_path: Path) -> None:
+    head = b"Gwyddion Simple Field 1.0\nXRes = 8\nYRes = 8\nZUnits =\n"
+    (tmp_path / "a.gsf").write_bytes(head + bytes(4 - len(head) % 4) + bytes(4 * 64))
+    with pytest.raises(FileError, match="states no unit of its values; export the heights with their unit"):
+        read_height_map(tmp_path / "a.gsf")
+
+
+def table(head: str, *, unit: float = 1.0) -> str:
+    """A number, x, y and z of each sample."""
+    y, x = np.mgrid[0:60, 0:80] * 0.1
+    rows = zip(x.ravel(), 5.9 - y.ravel(), plate().ravel() * unit, strict=True)
+    return f"{head}\n" + "".join(f"{n};{x:.3f};{y:.3f};{z:.5f}\n" for n, (x, y, z) in enumerate(rows))
+
+
+@pytest.mark.parametrize(
+    ("head", "unit"),
+    [
+        ("Point;Pos X;Pos Y;Height", 1.0),
+        ("Nr;X-Achse [mm];Y-Achse [mm];Z-Koordinate [µm]", 1e3),
+        ("Idx;Position X (mm);Position Y (mm);Z Value (mm)", 1.0),
+        ("id;coordinate_x;coordinate_y;measured height", 1.0),
+        ("i;Axis X;Axis Y;Höhenwert [mm]", 1.0),
+    ],
+)
+def test_columns_headed_as_positions_are_found(head: str, unit: float, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(table(head, unit=unit), encoding="utf-8")
+    np.testing.assert_allclose(read_height_map(tmp_path / "a.csv").z_mm, plate(), atol=2e-5)
+
+
+def test_points_of_a_surface_under_unknown_headings_are_no_profile(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(table("Point;first;second;third"))
+    with pytest.raises(FileError, match="first columns are not x, y and z; head the columns x, y and z"):
+        read_height_map(tmp_path / "a.csv")
+
+
+def test_a_recording_that_is_cut_short_is_said_to_be_in_plain_words(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["heights"] = np.arange(1000.0)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(FileError, match=r"a\.h5: is damaged or cut short; copy it again$"):
+        read_scan(path)
+    path.write_text("no recording\n")
+    with pytest.raises(FileError, match="is not an HDF5 file; record it again"):
+        read_scan(path)
 
 
 def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from pipeline.common.private import open_no_link
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_job import PartJob
 from pipeline.reading.triage import ReadPart
-from pipeline.service.inputs.watch_folder import WatchedFolder
+from pipeline.service.inputs.watch_folder import LEFT_S, WatchedFolder
 from pipeline.service.intake import NewPart, Received, Touch
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.problem import Problem
@@ -576,3 +576,17 @@ def test_hidden_characters_of_a_file_s_name_are_replaced_and_letters_composed(be
     for name in ("tray-7\u202e3-trap.png", "a\u200bb.png", "Gehause\u0308.png"):
         bench.put(name)
     assert sorted(bench.look()) == ["Gehausë", "a_b", "tray-7_3-trap"]
+
+
+def test_folders_of_the_system_and_hidden_files_are_named_once(bench: Bench) -> None:
+    bench.put("a.png")
+    bench.put("$RECYCLE.BIN/b.png")
+    hidden = bench.put(".x.png")
+    long_ago_s = time.time() - 2.0 * LEFT_S
+    os.utime(hidden, (long_ago_s, long_ago_s))
+    with structlog.testing.capture_logs() as logs:
+        assert bench.look(4) == ["a"]
+    assert sorted((log["name"], log["why"]) for log in logs if "passed over" in log["event"]) == [
+        ("$RECYCLE.BIN", "is a folder of the system"),
+        (".x.png", "has the name of an unfinished upload, or a hidden one"),
+    ]
