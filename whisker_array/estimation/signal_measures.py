@@ -282,7 +282,7 @@ def best_order(
     quiet = np.isnan(level) & np.isfinite(lines).any(axis=0) & ~wrong
     level[wrong] = np.nan
     unknown = np.isnan(level) & ~quiet
-    at_unknown = np.convolve(unknown, [1, 1, 1], mode="same") > 0
+    at_unknown = np.convolve(unknown, [1, 1, 1])[1:-1] > 0
     of_sweeps = (
         _borders(f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut)
         for f, mask in zip(shares, beyond, strict=True)
