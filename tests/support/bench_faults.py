@@ -142,6 +142,19 @@ def _doubled(m: Floats, on: Recorded) -> Floats:
     return m[:, order]
 
 
+def _shifted(m: Floats, on: Recorded) -> Floats:
+    """Three samples late, in the order of time."""
+    passes, whiskers, samples = m.shape
+    in_time = np.roll(m.swapaxes(0, 1).reshape(whiskers, -1), 3, axis=1)
+    return in_time.reshape(whiskers, passes, samples).swapaxes(0, 1)
+
+
+def _coarse(m: Floats, on: Recorded) -> Floats:
+    step = 0.08 * on.size * abs(on.land)
+    rounded: Floats = step * np.rint(m / step)
+    return rounded
+
+
 def _as_in_air(m: Floats) -> Floats:
     """Samples of the lifted array, as many as those that touch."""
     again: Floats = np.tile(m[..., :AIR], (1, 1, -(-m.shape[2] // AIR)))
@@ -172,6 +185,8 @@ _AFTER: dict[FaultKind | None, Change] = {
     FaultKind.UNIT: lambda m, on: 1000.0 * on.size * m,
     FaultKind.EXCHANGED: _exchanged,
     FaultKind.DOUBLED: _doubled,
+    FaultKind.SHIFTED: _shifted,
+    FaultKind.COARSE: _coarse,
     # the range ends above the land: steep walls are cut off
     FaultKind.SATURATED: lambda m, on: np.clip(m, -1.06 * abs(on.land), 1.06 * abs(on.land)),
 }

@@ -75,9 +75,25 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         air = sweep.air_n_mm[across].astype(np.float64) / land
         if scan.calibration is not None:
             air /= scan.calibration.gain[:, None]
+        air = air - quantile_of_known(air)[..., None]
+        touching = _touching_at_ends(air, quantile_of_known(quantile_of_known(share).T))
+        if touching.any():
+            air = np.where(touching[:, None], np.nan, air)
         plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
-        of_sweeps.append(SweepShares(plan, share, air - quantile_of_known(air)[..., None], across))
+        of_sweeps.append(SweepShares(plan, share, air, across))
     return of_sweeps
+
+
+def _touching_at_ends(air: Floats, level: Floats, *, least: float = 0.2) -> Mask:
+    """(passes, samples) lifted samples at either end of their stretch at which the whiskers touch, level (whiskers,).
+
+    The stage's phase changes a sample or more beside the signal: its step is common to all whiskers and no noise.
+    """
+    level, air = np.nan_to_num(level), np.nan_to_num(air)
+    touching = np.einsum("pws,w->ps", air, level) > least * max(float(level @ level), 1e-30)
+    begins = np.logical_and.accumulate(touching, axis=1)
+    ends = np.logical_and.accumulate(touching[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(begins | ends)
 
 
 def saturated(

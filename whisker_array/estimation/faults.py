@@ -51,6 +51,11 @@ class FaultKind(StrEnum):
         "the array touches where samples are marked as lifted",
         "exchange them in /stage/phase (columns.lifted of imported traces); leave the stage where it is",
     )
+    SHIFTED = (
+        "shifted signal",
+        "the signals come {} than the stage's phase and positions, by {} sample{}",
+        "they are read shifted back; check the trigger and the filter of the converter, and the clock of the stage",
+    )
     UNIT = (
         "other unit",
         "land gives {:,.4g} times the expected moment",
@@ -122,6 +127,11 @@ class FaultKind(StrEnum):
         "{:.1f} % of the samples of {} of {} whiskers stand still at an end of the range; depths there are wrong",
         "lower the gain, or the preload",
     )
+    COARSE = (
+        "coarse signal",
+        "the converter's steps are {:.1f} % of the moment of land",
+        "raise the gain or use a smaller range of the converter, but leave room for the marks",
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,6 +167,7 @@ class FaultLimits(OneLine):
     tone: float = 0.008
     tone_ratio: float = 12.0
     spike: float = 0.05
+    coarse: float = 0.02  # a converter of 10 bits has steps of 0.6 %
     few_spikes: int = 12
 
 
@@ -183,14 +194,14 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     if (checked := _check_signals(scan, limits)) is None:
         return ()
     if any(f.whisker is None for f in checked.faults):
-        return (*checked.faults, *checked.saturated)
-    scan, shares, level, saturated = checked.scan, checked.shares, checked.level, checked.saturated
+        return (*checked.faults, *checked.corrected)
+    scan, shares, level, corrected = checked.scan, checked.shares, checked.level, checked.corrected
     touching = np.isfinite(level) & ~checked.wrong
     dead = touching & (np.abs(level) < limits.dead_level)
     if dead.sum() > 0.5 * touching.sum() and not (level[touching] > 0.5).any() and not checked.faults:
         percent = 100.0 * float(np.median(level[touching]))
         what = "the whiskers hardly touch: {:.0f} % of the moment of land"
-        return (*saturated, _fault(FaultKind.HEIGHT, percent, message=what))
+        return (*corrected, _fault(FaultKind.HEIGHT, percent, message=what))
     # size of each whisker's fault, NaN without a fault
     noisy = np.full(level.size, np.nan)
     for stacks, least in (
@@ -205,6 +216,8 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
     if good.any():
         sound = [f.only(good) for f in shares]
         n_spikes = measures.count_spikes(sound, least=limits.spike)
+        if any(f.kind is FaultKind.COARSE for f in corrected):
+            n_spikes = 0  # noise makes single samples a whole step higher
         if n_spikes >= limits.few_spikes:
             bad = [measures.spikes(f, least=limits.spike) for f in sound]
             sound = signals.without(sound, bad)
@@ -225,7 +238,7 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         for kind, values in by_kind.items()
         for w in np.flatnonzero(np.isfinite(values))
     )
-    return (*checked.faults, *saturated, *of_whiskers, *bench)
+    return (*checked.faults, *corrected, *of_whiskers, *bench)
 
 
 def find_signal_faults(
@@ -233,7 +246,9 @@ def find_signal_faults(
 ) -> tuple[Fault, ...]:
     """Find faults of signals alone, before whiskers and bench can be judged."""
     checked = _check_signals(scan, limits, volts=volts)
-    return () if checked is None else checked.faults
+    if checked is None:
+        return ()
+    return (*(f for f in checked.corrected if f.kind is FaultKind.SHIFTED), *checked.faults)
 
 
 @dataclass(frozen=True)
@@ -246,14 +261,21 @@ class _CheckedSignals:
     level: Floats  # (whiskers,) level of the land; NaN for a whisker that has too few samples on the part
     wrong: Mask
     faults: tuple[Fault, ...]
-    saturated: tuple[Fault, ...]
+    corrected: tuple[Fault, ...]  # those that leave all others to be found
 
 
 def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _CheckedSignals | None:
     if all(s.plan.pushed for s in scan.sweeps):
         return None
     columns = np.flatnonzero(np.asarray(scan.kind) == 0).tolist()
-    scan, saturated = _flag_saturated(only(scan))
+    scan, late = _without_delay(only(scan))
+    scan, range_faults = _flag_saturated(scan, limits)
+    empty = signals.without_value(scan)
+    if empty.all():
+        fault = _fault(FaultKind.NO_SIGNAL, message="no sample of any channel has a value")
+        return _CheckedSignals(scan, columns, [], np.full(empty.size, np.nan), empty, (fault,), ())
+    dead = (_fault(FaultKind.DEAD, whisker=columns[w], message="has no value") for w in np.flatnonzero(empty))
+    corrected = (*late, *dead, *range_faults)
     everywhere = measures.sweep_shares(scan, outside=True)
     beyond = signals.beyond_part(everywhere, least=limits.dead_level)
     outside = signals.flagged_beyond_part(scan, everywhere) if signals.knows_part(scan) else beyond
@@ -261,7 +283,7 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():
-        return _CheckedSignals(scan, columns, shares, level, touching, (), saturated)
+        return _CheckedSignals(scan, columns, shares, level, touching, (), corrected)
     present = touching & signals.above_noise(shares, level)
     usual = float(np.median(np.abs(level[present]))) if present.any() else 0.0
     raw = level
@@ -287,7 +309,7 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     if usual > limits.unit or (usual < limits.dead_level and 2 * clear.sum() > present.sum() > 0):
         faults.append(_fault(FaultKind.UNIT, usual))
     if faults:
-        return _CheckedSignals(scan, columns, shares, level, touching, tuple(faults), saturated)
+        return _CheckedSignals(scan, columns, shares, level, touching, tuple(faults), corrected)
     ratio = np.abs(level) / usual
     other_unit = touching & ((ratio > limits.unit) | (clear & (ratio < limits.dead_level)))
     doubled = signals.doubled_channels(shares)
@@ -308,10 +330,20 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
         )  # fmt: skip
         if order.misfit_now > limits.misfit and order.misfit < limits.misfit_left * order.misfit_now:
             faults.append(_fault(FaultKind.EXCHANGED, order.describe(columns)))
-    return _CheckedSignals(scan, columns, shares, level, wrong, tuple(faults), saturated)
+    return _CheckedSignals(scan, columns, shares, level, wrong, tuple(faults), corrected)
 
 
-def _flag_saturated(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
+def _without_delay(scan: Scan) -> tuple[Scan, tuple[Fault, ...]]:
+    if not (late := signals.samples_late(scan)):
+        return scan, ()
+    way, n = "later" if late > 0 else "earlier", abs(late)
+    return signals.in_step(scan, late), (_fault(FaultKind.SHIFTED, way, n, "s" if n > 1 else ""),)
+
+
+def _flag_saturated(scan: Scan, limits: FaultLimits) -> tuple[Scan, tuple[Fault, ...]]:
+    step = float(signals.converter_steps(scan).max())
+    if step > limits.coarse:  # equal samples at an end of the range are usual there
+        return scan, (_fault(FaultKind.COARSE, 100.0 * step),)
     masks = measures.saturated(scan)
     clipped = np.sum([mask.sum(axis=(0, 2)) for mask in masks], axis=0)
     if not clipped.any():
@@ -383,6 +415,10 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
     useless = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.REVERSED, FaultKind.DOUBLED)
     whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})
     bad = np.uint8(SampleFlag.FAULTY)
+    if any(f.kind is FaultKind.SHIFTED for f in faults):
+        scan = signals.in_step(scan, signals.samples_late(scan))
+    if any(f.kind is FaultKind.NO_SIGNAL for f in faults):
+        whiskers += np.flatnonzero(np.asarray(scan.kind) == 0)[signals.without_value(only(scan))].tolist()
     spiked = {}
     if any(f.kind is FaultKind.SPIKES for f in faults):
         spiked = {
@@ -391,11 +427,13 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
         }
     scan = signals.flag_beyond_part(scan, least=limits.dead_level)
     if any(f.kind is FaultKind.SATURATED for f in faults):
-        clipped = _flag_saturated(only(scan))[0].sweeps
+        clipped = _flag_saturated(only(scan), limits)[0].sweeps
         scan = add_flags(scan, {s.plan.direction: s.flags & np.uint8(SampleFlag.SATURATED) for s in clipped})
     if spiked:
         scan = add_flags(scan, spiked)
     if whiskers:
         every = np.isin(np.arange(scan.n_whiskers), whiskers)[:, None] * bad
-        scan = replace(scan, sweeps=tuple(replace(s, flags=s.flags | every) for s in scan.sweeps))
+        # a channel without a value has not left the converter's range
+        kept = np.where(every, ~np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0xFF))
+        scan = replace(scan, sweeps=tuple(replace(s, flags=s.flags & kept | every) for s in scan.sweeps))
     return scan

@@ -28,6 +28,7 @@ from whisker_array.estimation.fault_measures import (
     sweep_shares,
 )
 from whisker_array.scan.scan import Scan, add_flags, only
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 
 
@@ -136,6 +137,83 @@ def varies_more_in_air(shares: Sequence[SweepShares], *, times: float = 3.0) -> 
     return spread[0] > times * spread[1]
 
 
+def samples_late(scan: Scan, *, least: float = 0.5, flat: float = 0.5) -> int:
+    """By how many samples the signals come later than the stage's phase, negative if they come earlier.
+
+    The median over all passes steps where the array is lowered. The shift is sought at which lifted and touching
+    samples differ most; it must explain at least the share `least` of a lifted sample. 0 with staggered rows, whose
+    samples are in the order of places.
+    """
+    scan = only(scan)
+    sweeps = [s for s in scan.sweeps if s.air_n_mm.shape[2] and not s.plan.offset_mm]
+    if not sweeps:
+        return 0
+    farthest = min(s.plan.n_samples for s in sweeps) // 4
+    shifts = np.arange(-farthest, farthest + 1)
+    contrast, gain, range_in_air = np.zeros((3, shifts.size))
+    for sweep in sweeps:
+        n_air, n = sweep.air_n_mm.shape[2], sweep.plan.n_samples
+        profile = np.median(np.concatenate([sweep.air_n_mm, sweep.moment_n_mm], axis=2), axis=0).astype(
+            np.float64
+        )
+        index = (shifts[:, None] + np.arange(n_air)) % (n_air + n)
+        lifted = profile[:, index]
+        air = lifted.mean(axis=2)
+        step = np.abs((profile.sum(axis=1)[:, None] - n_air * air) / n - air).sum(axis=0)
+        contrast += step
+        gain += n_air * (step - step[farthest])
+        range_in_air += np.ptp(lifted, axis=2).sum(axis=0)
+    best = int(np.argmax(contrast))
+    clear = gain[best] > least * contrast[best] and range_in_air[best] < flat * contrast[best]
+    return int(shifts[best]) if clear else 0
+
+
+def in_step(scan: Scan, late: int) -> Scan:
+    """The scan with its signals `late` samples earlier, as they belong to the stage; what is missing is flagged."""
+    return replace(scan, sweeps=tuple(_in_step(s, late) for s in scan.sweeps))
+
+
+def _in_step(sweep: Sweep, late: int) -> Sweep:
+    n_air, of_place = sweep.air_n_mm.shape[2], np.uint8(SampleFlag.OUTSIDE)
+    no_flags = np.zeros(sweep.air_n_mm.shape, dtype=np.uint8)
+    signal = np.roll(np.concatenate([sweep.air_n_mm, sweep.moment_n_mm], axis=2), -late, axis=2)
+    flags = np.roll(np.concatenate([no_flags, sweep.flags & ~of_place], axis=2), -late, axis=2)[..., n_air:]
+    if late > 0:
+        flags[..., -late:] = SampleFlag.FAULTY
+    return replace(
+        sweep,
+        moment_n_mm=signal[..., n_air:],
+        air_n_mm=signal[..., :n_air],
+        flags=flags | (sweep.flags & of_place),
+    )
+
+
+def without_value(scan: Scan) -> Mask:
+    """(whiskers,) channels without any value: all samples are missing, none of them changes."""
+    missing = np.ones(scan.n_whiskers, dtype=np.bool_)
+    for s in scan.sweeps:
+        unusable = (s.flags & np.uint8(SampleFlag.OUT_OF_RANGE | SampleFlag.OUTSIDE)) != 0
+        still = np.ptp(s.moment_n_mm, axis=2) == 0.0
+        still &= np.ptp(s.air_n_mm, axis=2) == 0.0 if s.air_n_mm.shape[2] else True
+        missing &= (unusable.all(axis=2) & still).all(axis=0)
+    lost = [(s.flags & np.uint8(SampleFlag.OUT_OF_RANGE)).any(axis=(0, 2)) for s in scan.sweeps]
+    return np.asarray(missing & np.logical_or.reduce(lost))
+
+
+def converter_steps(scan: Scan, *, fewest: int = 3, most: int = 100, thin: int = 7) -> Floats:
+    """(whiskers,) step of the converter, share of the land's moment; 0 where a signal takes many values."""
+    steps = np.zeros(scan.n_whiskers)
+    for w in range(scan.n_whiskers):
+        touching = [s.moment_n_mm[:, w, ::thin][s.flags[:, w, ::thin] == 0] for s in scan.sweeps]
+        lifted = [s.air_n_mm[:, w].ravel() for s in scan.sweeps]
+        gaps = np.diff(np.unique(np.concatenate([*touching, *lifted])).astype(np.float64))
+        if fewest <= gaps.size + 1 <= most:
+            multiples = gaps / gaps.min()
+            if np.abs(multiples - np.rint(multiples)).max() < 0.05:
+                steps[w] = gaps.min() / abs(scan.touch.land_moment_n_mm())
+    return steps
+
+
 class ChannelOrder(NamedTuple):
     """Order of the channels in which neighbouring lines fit best, each whisker's own `backward` or not."""
 
@@ -190,17 +268,21 @@ def best_order(
     least_gain: float = 0.0,
     cut: float = 0.2,
     simpler: float = 0.8,
+    single_border: float = 10.0,
 ) -> ChannelOrder:
     """The order of the channels in which lines on both sides of the whiskers' borders differ least.
 
     Exchanges of two channels are tried until none reduces the difference, from the present and from the reverse order,
     with the lines of each whisker forward and backward. Channels that never touch may be exchanged with others, but
-    their own borders are no reason for it: such a whisker may be dead.
+    their own borders are no reason for it: such a whisker may be dead. Beside whiskers that cannot be compared, a
+    single border must gain `single_border` times as much: two lines of land fit each other wherever they are.
     """
     lines, usual = _levels_of_lines(shares)
     level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)
     quiet = np.isnan(level) & np.isfinite(lines).any(axis=0) & ~wrong
     level[wrong] = np.nan
+    unknown = np.isnan(level) & ~quiet
+    at_unknown = np.convolve(unknown, [1, 1, 1])[1:-1] > 0
     of_sweeps = (
         _borders(f, np.where(quiet[:, None], True, mask), level, line_pitch_mm=line_pitch_mm, cut=cut)
         for f, mask in zip(shares, beyond, strict=True)
@@ -221,13 +303,15 @@ def best_order(
     for start, ways in product((present, turned), backward):
         orders, change = start[None], np.inf
         while len(orders):
-            misfit, misfit_now = _misfits(borders, orders, ways, quiet)
+            misfit, misfit_now, n_better = _misfits(borders, orders, ways, quiet)
             k = int(np.argmin(misfit - misfit_now))
             if misfit[k] - misfit_now[k] > change - 1e-4:
                 break
             change = misfit[k] - misfit_now[k]
             order = tuple(orders[k].tolist())
-            candidates.append(ChannelOrder(order, ways, float(misfit[k]), float(misfit_now[k])))
+            single = n_better[k] <= 1 and at_unknown[(orders[k] != present) | any(ways)].any()
+            if not single or misfit_now[k] - misfit[k] > single_border * least_gain:
+                candidates.append(ChannelOrder(order, ways, float(misfit[k]), float(misfit_now[k])))
             orders = np.tile(orders[k], (len(pairs), 1))
             each = np.arange(len(pairs))[:, None]
             orders[each, pairs] = orders[each, pairs[:, ::-1]]
@@ -267,7 +351,7 @@ def _mean_squares(lines: Floats, others: Floats, *, fewest: int = 20) -> Floats:
 
 def _misfits(
     borders: _Borders, orders: NDArray[np.intp], backward: tuple[bool, bool], quiet: Mask
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats, NDArray[np.intp]]:
     each, now = np.arange(borders.whisker.size), borders.now
     turned = np.where(borders.along_x, *backward)
     whisker, beside = orders[:, borders.whisker], orders[:, borders.beside]
@@ -279,7 +363,12 @@ def _misfits(
     moved = (whisker != borders.whisker) | (beside != borders.beside) | turned
     moved &= np.isfinite(now) & np.isfinite(then)
     loud = ~(quiet[borders.whisker] | quiet[borders.beside])
-    return np.where(moved, then, 0.0).sum(axis=1), np.where(moved & loud, now, 0.0).sum(axis=1)
+    misfit, misfit_now = np.where(moved, then, 0.0).sum(axis=1), np.where(moved & loud, now, 0.0).sum(axis=1)
+    less = np.where(moved & loud, now - then, 0.0)
+    least = 0.05 * (misfit_now - misfit)
+    first = np.minimum(borders.whisker, borders.beside)
+    n_better = np.sum([less[:, first == w].sum(axis=1) > least for w in range(quiet.size)], axis=0)
+    return misfit, misfit_now, n_better
 
 
 def doubled_channels(
@@ -291,6 +380,7 @@ def doubled_channels(
     )
     if changes.shape[1] < fewest:
         return []
+    changes[:, np.isnan(changes).any(axis=0)] = 0.0
     changes -= changes.mean(axis=1, keepdims=True)
     size = np.sqrt((changes**2).sum(axis=1))
     noise = np.divide(changes, size[:, None], out=np.zeros_like(changes), where=size[:, None] > 0.0)

@@ -197,6 +197,12 @@ class RecordingReader(CheckedFile):
             "give all passes of a direction the same number, at least 2",
         )
         touching, n_air = np.stack(lowered), min(rows.size for rows in lifted)
+        n_lead = int(self.numbers("passes/n_lead", (self._n_passes,), default=0.0)[members].min())
+        self.require(
+            2 * n_lead < counts[0] or n_air <= counts[0],
+            f"{name} have {counts[0]} touching and {n_air} lifted samples, and /passes/n_lead is {n_lead}",
+            "exchange 0 (lifted) and 1 (touching) in /stage/phase",
+        )
         air = np.stack([rows[:n_air] for rows in lifted])
         start, step = self._along(direction, members, touching)
         speed, (least, most) = step * self.attribute("sampling_rate_hz"), SPEEDS_MM_S
@@ -214,7 +220,6 @@ class RecordingReader(CheckedFile):
             f"{name} are shorter than the rows' offsets",
             "let the array run on until its last row has crossed the part; see /whisker/offset_mm",
         )
-        n_lead = int(self.numbers("passes/n_lead", (self._n_passes,), default=0.0)[members].min())
         counted = f"/passes/n_lead is {n_lead} of {n_samples} samples"
         self.require(0 <= 2 * n_lead < n_samples, counted, "it counts the samples before the marks")
         plan = SweepPlan(

@@ -21,12 +21,14 @@ from tests.factories import extruded
 from tests.support.bench_faults import recorded, with_whisker_of, worn
 from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.fault_measures import SweepShares
 from whisker_array.estimation.faults import Fault, FaultKind, find_faults, find_signal_faults, flag_faults
-from whisker_array.estimation.signal_measures import flag_beyond_part
+from whisker_array.estimation.signal_measures import best_order, flag_beyond_part
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
+from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch, default_touch
 
 # ------------------------------------------------------------------------------------------------------------ faults
@@ -159,6 +161,104 @@ def test_few_directions_leave_lines_out_without_inventing_them(found: Found) -> 
     unknown = ~left.valid.any(axis=1)
     assert unknown.sum() * left.pitch_mm == pytest.approx(5.0, abs=0.5)  # the lines of one whisker
     assert (left.enhancement[:, unknown] == 0.0).all()
+
+
+# ------------------------------------------------------------------------------------- signals out of step or missing
+
+
+def in_time(scan: Scan, change: Callable[[np.ndarray], np.ndarray]) -> Scan:
+    """The signals (whiskers, samples) of each sweep changed in the order of time."""
+
+    def of(s: Sweep) -> Sweep:
+        signal = np.concatenate([s.air_n_mm, s.moment_n_mm], axis=2)
+        passes, whiskers, samples = signal.shape
+        new = change(signal.swapaxes(0, 1).reshape(whiskers, -1)).reshape(whiskers, passes, samples)
+        n_air, new = s.air_n_mm.shape[2], new.swapaxes(0, 1)
+        return replace(s, moment_n_mm=new[..., n_air:], air_n_mm=new[..., :n_air])
+
+    return replace(scan, sweeps=tuple(map(of, scan.sweeps)))
+
+
+@pytest.mark.parametrize("late", [1, 3, 5, 40, -1, -3])
+def test_a_signal_out_of_step_with_the_stage_is_named_and_read_as_if_in_step(ideal: Scan, late: int) -> None:
+    sound = faulty(ideal, None)
+    scan = in_time(sound, lambda signal: np.roll(signal, late, axis=1))
+    (fault,) = find_faults(scan)
+    assert (fault.kind, fault.whisker) == (FaultKind.SHIFTED, None)
+    assert f"{'later' if late > 0 else 'earlier'} than" in fault.text
+    assert f"by {abs(late)} sample" in fault.text
+    usable = flag_faults(scan, (fault,))
+    for sweep, true in zip(usable.sweeps, sound.sweeps, strict=True):
+        known = slice(None, -late) if late > 0 else slice(None)
+        assert np.array_equal(sweep.moment_n_mm[..., known], true.moment_n_mm[..., known])
+        assert np.array_equal(sweep.flags[..., known], true.flags[..., known])
+
+
+@pytest.mark.parametrize("held", [2, 3, 4])
+def test_a_converter_that_holds_its_values_has_no_doubled_channels(ideal: Scan, held: int) -> None:
+    def hold(signal: np.ndarray) -> np.ndarray:
+        return signal[:, np.arange(signal.shape[1]) // held * held]
+
+    assert {f.kind for f in find_faults(in_time(faulty(ideal, None), hold))} <= {FaultKind.SHIFTED}
+
+
+def missing(scan: Scan, *whiskers: int) -> Scan:
+    """The scan as it is read from a recording in which some channels hold NaN."""
+
+    def of(s: Sweep) -> Sweep:
+        moment, air, flags = s.moment_n_mm.copy(), s.air_n_mm.copy(), s.flags.copy()
+        for w in whiskers:
+            moment[:, w], air[:, w] = 0.0, 0.0
+            flags[:, w] |= np.uint8(SampleFlag.OUT_OF_RANGE)
+        return replace(s, moment_n_mm=moment, air_n_mm=air, flags=flags)
+
+    return replace(scan, sweeps=tuple(map(of, scan.sweeps)))
+
+
+@pytest.mark.parametrize("whisker", range(4))
+def test_a_channel_without_a_value_is_a_dead_whisker(ideal: Scan, whisker: int) -> None:
+    scan = missing(faulty(ideal, None), whisker)
+    (fault,) = find_faults(scan)
+    assert (fault.kind, fault.whisker) == (FaultKind.DEAD, whisker)
+    assert "has no value" in fault.text
+    for sweep in flag_faults(scan, (fault,)).sweeps:
+        assert (sweep.flags[:, whisker] & SampleFlag.FAULTY == SampleFlag.FAULTY).all()
+        assert not (sweep.flags & SampleFlag.OUT_OF_RANGE).any()
+
+
+def test_channels_that_are_all_without_a_value_are_no_signal(ideal: Scan) -> None:
+    scan = missing(faulty(ideal, None), *range(ideal.n_whiskers))
+    (fault,) = find_faults(scan)
+    assert (fault.kind, fault.whisker) == (FaultKind.NO_SIGNAL, None)
+    assert "no sample of any channel has a value" in fault.text
+    assert not any((s.flags & SampleFlag.OUT_OF_RANGE).any() for s in flag_faults(scan, (fault,)).sweeps)
+
+
+def test_a_single_border_beside_a_faulty_channel_is_no_exchange() -> None:
+    """A mark ends between whiskers 0 and 1; only whisker 2 could show that 0 and 1 are where they belong."""
+    line_mm = 0.1 * np.arange(24).reshape(4, 6).T
+    plan = SweepPlan(TraceDirection.FORWARD_X, line_mm, start_mm=0.0, step_mm=0.1, n_samples=100, n_lead=10)
+    share = np.ones((6, 4, 100))
+    share[3:, 0, 30:80] = 0.8
+    air = 1e-4 * np.random.default_rng(0).standard_normal((6, 4, 16))
+    sweep, nowhere = SweepShares(plan, share, air, np.arange(6)), np.zeros(share.shape, dtype=bool)
+
+    def moved(n_sweeps: int) -> list[int]:
+        sweeps, beyond = [sweep] * n_sweeps, [nowhere] * n_sweeps
+        bad = np.arange(4) == 2
+        return best_order(sweeps, beyond, bad, least=0.2, line_pitch_mm=0.1, least_gain=0.003).moved
+
+    assert moved(1) == []
+    assert 0 in moved(4)  # the border fits far better
+
+
+@pytest.mark.parametrize("step", [0.03, 0.075, 0.15])
+def test_a_coarse_converter_is_neither_saturated_nor_exchanged(ideal: Scan, step: float) -> None:
+    size = step * abs(TOUCH.land_moment_n_mm())
+    scan = in_time(faulty(ideal, None), lambda signal: (size * np.rint(signal / size)).astype(np.float32))
+    (fault,) = find_faults(scan)
+    assert (fault.kind, fault.whisker) == (FaultKind.COARSE, None)
+    assert f"steps are {100.0 * step:.1f} %" in fault.text
 
 
 # ----------------------------------------------------------------------------------------------------- signal faults

@@ -212,6 +212,10 @@ BROKEN: dict[str, tuple[Edit, str]] = {
         "neither",
     ),
     "lead too long": (put("passes/n_lead", np.full(9, 10_000)), "n_lead"),
+    "phases exchanged": (
+        lambda f: f["stage/phase"].__setitem__(slice(None), 1 - f["stage/phase"][()]),
+        "exchange 0 (lifted) and 1 (touching)",
+    ),
     "no rate": (lambda file: file.attrs.__delitem__("sampling_rate_hz"), "sampling_rate_hz"),
     "positions in um": (
         lambda f: f["passes/step_mm"].__setitem__(slice(None), 1e4 * f["passes/step_mm"][()]),
