@@ -137,12 +137,12 @@ def varies_more_in_air(shares: Sequence[SweepShares], *, times: float = 3.0) -> 
     return spread[0] > times * spread[1]
 
 
-def samples_late(scan: Scan, *, least: float = 0.5, flat: float = 0.5) -> int:
+def samples_late(scan: Scan, *, least: float = 0.5, flat: float = 0.5, passes: int = 15) -> int:
     """By how many samples the signals come later than the stage's phase, negative if they come earlier.
 
-    The median over all passes steps where the array is lowered. The shift is sought at which lifted and touching
-    samples differ most; it must explain at least the share `least` of a lifted sample. 0 with staggered rows, whose
-    samples are in the order of places.
+    The median over `passes` of each sweep steps where the array is lowered. The shift is sought at which lifted and
+    touching samples differ most; it must explain at least the share `least` of a lifted sample. 0 with staggered rows,
+    whose samples are in the order of places.
     """
     scan = only(scan)
     sweeps = [s for s in scan.sweeps if s.air_n_mm.shape[2] and not s.plan.offset_mm]
@@ -153,9 +153,9 @@ def samples_late(scan: Scan, *, least: float = 0.5, flat: float = 0.5) -> int:
     contrast, gain, range_in_air = np.zeros((3, shifts.size))
     for sweep in sweeps:
         n_air, n = sweep.air_n_mm.shape[2], sweep.plan.n_samples
-        profile = np.median(np.concatenate([sweep.air_n_mm, sweep.moment_n_mm], axis=2), axis=0).astype(
-            np.float64
-        )
+        some = slice(None, None, max(1, len(sweep.air_n_mm) // passes))
+        signal = np.concatenate([sweep.air_n_mm[some], sweep.moment_n_mm[some]], axis=2)
+        profile = np.median(signal, axis=0).astype(np.float64)
         index = (shifts[:, None] + np.arange(n_air)) % (n_air + n)
         lifted = profile[:, index]
         air = lifted.mean(axis=2)
@@ -206,6 +206,8 @@ def converter_steps(scan: Scan, *, fewest: int = 3, most: int = 100, thin: int =
     for w in range(scan.n_whiskers):
         touching = [s.moment_n_mm[:, w, ::thin][s.flags[:, w, ::thin] == 0] for s in scan.sweeps]
         lifted = [s.air_n_mm[:, w].ravel() for s in scan.sweeps]
+        if np.unique(lifted[0]).size > most:
+            continue
         gaps = np.diff(np.unique(np.concatenate([*touching, *lifted])).astype(np.float64))
         if fewest <= gaps.size + 1 <= most:
             multiples = gaps / gaps.min()
