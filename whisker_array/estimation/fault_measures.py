@@ -76,24 +76,29 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         if scan.calibration is not None:
             air /= scan.calibration.gain[:, None]
         air = air - quantile_of_known(air)[..., None]
-        touching = _touching_at_ends(air, quantile_of_known(quantile_of_known(share).T))
-        if touching.any():
-            air = np.where(touching[:, None], np.nan, air)
+        level = np.nan_to_num(quantile_of_known(quantile_of_known(share).T))
+        # most recordings are in step: only then are all lifted samples compared
+        if air.shape[2] and _touches(air[..., [0, -1]], level).any():
+            air = np.where(_touching_at_ends(air, level)[:, None], np.nan, air)
         plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
         of_sweeps.append(SweepShares(plan, share, air, across))
     return of_sweeps
 
 
-def _touching_at_ends(air: Floats, level: Floats, *, least: float = 0.2) -> Mask:
+def _touching_at_ends(air: Floats, level: Floats) -> Mask:
     """(passes, samples) lifted samples at either end of their stretch at which the whiskers touch, level (whiskers,).
 
     The stage's phase changes a sample or more beside the signal: its step is common to all whiskers and no noise.
     """
-    level, air = np.nan_to_num(level), np.nan_to_num(air)
-    touching = np.einsum("pws,w->ps", air, level) > least * max(float(level @ level), 1e-30)
+    touching = _touches(air, level)
     begins = np.logical_and.accumulate(touching, axis=1)
     ends = np.logical_and.accumulate(touching[:, ::-1], axis=1)[:, ::-1]
     return np.asarray(begins | ends)
+
+
+def _touches(air: Floats, level: Floats, *, least: float = 0.2) -> Mask:
+    reached = np.einsum("pws,w->ps", np.nan_to_num(air), level)
+    return np.asarray(reached > least * max(float(level @ level), 1e-30))
 
 
 def saturated(
