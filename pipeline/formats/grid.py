@@ -285,7 +285,7 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
 
 
 def _fits_better(rest: RawMap, raw: RawMap, pitch: float, settings: MapSettings) -> bool:
-    """Whether the rest of the heights fits a part in the file's unit, and no worse than all of them in another one."""
+    """Whether the heights without the constant fit a part in the file's unit as well as all fit one in another unit."""
     if np.isfinite(rest.z).sum() == np.isfinite(raw.z).sum():
         return False
     shape, rest_shape = _Shape(raw, pitch), _Shape(rest, pitch)

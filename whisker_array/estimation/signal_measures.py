@@ -189,7 +189,7 @@ def _in_step(sweep: Sweep, late: int) -> Sweep:
 
 
 def without_value(scan: Scan) -> Mask:
-    """(whiskers,) channels without any value: all samples are missing, none of them changes."""
+    """(whiskers,) whether a channel has no value at all: every sample of it is missing."""
     missing = np.ones(scan.n_whiskers, dtype=np.bool_)
     for s in scan.sweeps:
         unusable = (s.flags & np.uint8(SampleFlag.OUT_OF_RANGE | SampleFlag.OUTSIDE)) != 0
