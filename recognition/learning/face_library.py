@@ -1,6 +1,7 @@
 """Make the library of faces: choose faces by k-medoids in the recogniser's features, and predict their prototypes::
 
     python -m recognition.learning.face_library FONTS MORE_FONTS --licences licences.tsv --work WORK
+    python -m recognition.learning.face_library FONTS MORE_FONTS --same-faces --work WORK
 
     fonts --photograph, high lamp--> features --similarity of faces--> medoids --touch, five lamps--> prototypes
 
@@ -205,24 +206,39 @@ def prototypes_of(
     return Prototypes((name,), tuple(CHARS), numbers, half)
 
 
-def main(*folders: Path, licences: Path, work: Path, faces: int = 80, of_window: int = 96) -> None:
+def main(
+    *folders: Path,
+    work: Path,
+    licences: Path | None = None,
+    same_faces: bool = False,
+    faces: int = 80,
+    of_window: int = 96,
+) -> None:
     """Choose and predict the faces, and write the library with its manifest.
 
     Args:
         folders: folders of fonts.
+        work: folder in which features are kept; an empty one for new weights of the recogniser.
         licences: table of the fonts' files, families, packages and licences, separated by tabs.
-        work: folder in which features are kept.
+        same_faces: predict the faces of the present library again, for new weights.
         faces: number of faces.
         of_window: numbers of a prototype.
     """
     work.mkdir(parents=True, exist_ok=True)
+    if same_faces:
+        names = json.loads(LIBRARY.with_suffix(".fit.json").read_text("utf-8"))["fonts"]
+        files = {path.stem: str(path) for folder in folders for path in folder.rglob("*") if path.is_file()}
+        chosen = [files.get(name, name) for name in names]
+        np.savez_compressed(LIBRARY, **predict_library(chosen, work, of_window=of_window))
+        return
+    if licences is None:
+        raise MarksError("new faces need their licences", hint="--licences TABLE, or --same-faces")
     rows = (line.split("\t") for line in licences.read_text("utf-8").splitlines())
     sources = {Path(row[0]).name: (row[2], row[3].split(" |")[0]) for row in rows}
     files = candidates(folders, {name: licence for name, (_, licence) in sources.items()})
     paths, similarity = compare_faces([*BUILTIN_FONTS, *map(str, files)], work)
     chosen = [paths[k] for k in choose_faces(similarity, faces)]
-    arrays: dict[str, Any] = predict_library(chosen, work, of_window=of_window)
-    np.savez_compressed(LIBRARY, **arrays)
+    np.savez_compressed(LIBRARY, **predict_library(chosen, work, of_window=of_window))
     manifest = {
         "what": "library of faces (recognition/glyph_match/face_library.npz)",
         "command": "python -m recognition.learning.face_library FONTS --licences LICENCES --work WORK",

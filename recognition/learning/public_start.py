@@ -11,12 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 
 from glyphs.errors import MarksError
+
+if TYPE_CHECKING:
+    from torch.fx import GraphModule
 
 ROWS, FEATURES = 48, 120
 STEP_COLUMNS = 8
@@ -75,6 +78,7 @@ def load_start() -> PublicStart:
         _pad_by_numbers(node)
     body = convert(model)
     _make_constants_learnable(body)
+    _join(body)
     names = ["", *_characters(model), " "]
     return PublicStart(
         body, {c: (torch.from_numpy(weights[:, k].copy()), float(bias[k])) for k, c in enumerate(names)}
@@ -103,3 +107,27 @@ def _make_constants_learnable(body: nn.Module) -> None:
             if value.dtype.is_floating_point and value.numel() > 1:
                 del module._buffers[name]
                 module.register_parameter(name, nn.Parameter(value.clone()))
+
+
+def _join(body: GraphModule) -> None:
+    """Leave out copies, and compute each Gelu in one step: training takes less than half the time."""
+    modules, graph = dict(body.named_modules()), body.graph
+    kinds = {
+        node: type(modules[str(node.target)]).__name__ for node in graph.nodes if node.op == "call_module"
+    }
+    for node in [node for node, kind in kinds.items() if kind == "OnnxCopyIdentity"]:
+        node.replace_all_uses_with(node.args[0])  # type: ignore[arg-type]
+        graph.erase_node(node)
+    body.add_module("gelu", nn.GELU())
+    for erf in [node for node, kind in kinds.items() if kind == "OnnxErf"]:
+        # x / sqrt(2) -> erf -> + 1 -> * x -> * 0.5
+        divided = erf.args[0]
+        (plus_one,) = erf.users
+        (times_x,) = plus_one.users
+        (halved,) = times_x.users
+        with graph.inserting_before(halved):
+            joined = graph.call_module("gelu", (divided.args[0],))  # type: ignore[union-attr]
+        halved.replace_all_uses_with(joined)
+        for node in (halved, times_x, plus_one, erf, divided):
+            graph.erase_node(node)  # type: ignore[arg-type]
+    body.recompile()

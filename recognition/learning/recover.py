@@ -113,7 +113,10 @@ def _numbers(path: Path) -> dict[str, Numbers]:
             values = constants[name].astype(np.float32)
             scale = next(constants[key] for key in (f"{name}_scale", f"{plain}_scale") if key in constants)
             numbers[plain] = values * scale.reshape(-1, *(1 for _ in values.shape[1:]))
-    return numbers
+    # the export counts all nodes: only the order of these numbers says which weights they are
+    counted = sorted((name for name in numbers if name.startswith("onnx::")), key=_number)
+    names = {name: f"{name.rsplit('_', 1)[0]}_{place}" for place, name in enumerate(counted)}
+    return {names.get(name, name): values for name, values in numbers.items()}
 
 
 def main(*, out: Path, source: Path = PUBLISHED) -> None:
