@@ -1,7 +1,7 @@
 """Evidence by camera: from a photograph to the text in it.
 
 photograph --area of the regions, codes removed, shrunk--> view --find--> lines
-                                      \\-> the same without stains, used if clearly surer
+                                      \\-> the same without stains, if a line promises more there; used if clearly surer
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import EVEN, Evidence, Log, SenseEvidence
 from recognition.decide.score import log_odds
 from recognition.find.deadline import Deadline
-from recognition.find.find import FoundLines, apart, is_clear_text, read_lines, search_of
+from recognition.find.find import FoundLines, apart, better_line, is_clear_text, read_lines, search_of
 from recognition.find.looks import Looks
 from recognition.find.promise import is_convincing
 from recognition.find.request import LineRequest
@@ -141,7 +141,12 @@ class VisionReader:
         clean_view = stainless_view(bare)
         if clean_view is None:
             return seen
-        clean = self._of_views([clean_view], request, log, times, about)
+        with times.step("find"):
+            line = better_line(clean_view, request, seen.evidence.main)
+        if line is None:
+            return seen
+        again = replace(request, limits=replace(request.limits, most_looks=request.limits.again_looks))
+        clean = self._of_views([clean_view], again, log, times, (line, *seen.found.lines.places[1:]))
         other = score_text(Evidence.of(clean.evidence), self.settings)
         surer = log_odds(other.score) > log_odds(choice.score) + CLEARLY_NATS
         # the same text again is no further evidence: it is the same photograph

@@ -43,6 +43,7 @@ class SearchLimits:
     # advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38
     narrowest: float = 0.32
     most_looks: int | None = 24
+    again_looks: int = 16  # looks of a search about a known line, in another picture of the same photograph
     spared_looks: int = 8
     layout_looks: int = 10
     # price of processor time: expected gain of a try, right characters for each ms, below which it is left
