@@ -120,19 +120,6 @@ def read_lines(
     return FoundLines(replace(part, looks=looks.count), search)
 
 
-def better_line(
-    view: View, request: LineRequest, main: ReadLine | None, *, slack_nats: float = 1.0
-) -> TextLine | None:
-    """The line of another view of a part that promises more than the part's line at a cheap look, or hardly less.
-
-    The view is looked at along its own most promising line and along the part's.
-    """
-    search, known = search_of(view, request), [] if main is None else [main]
-    least = max((promise_of(line) - slack_nats for line in known), default=-np.inf)
-    lines = search.read([*search.candidates()[:1], *(line.line for line in known)], cheap=True)
-    return next((read.line for read in search.in_region(lines) if promise_of(read) >= least), None)
-
-
 def _read_closely(
     search: Search,
     best: ReadLine,

@@ -44,9 +44,8 @@ def find_in_tiles(
         fine: whether to look for the smallest characters too, which takes most of the time.
         most_tiles: most tiles of a view, at all scales: some two seconds. Scales that need more are left out.
     """
-    lines: list[FoundLine] = []
-    left = most_tiles
-    scales_mm = _scales(view) if height_mm is None else [height_mm]
+    lines, left = list[FoundLine](), most_tiles
+    scales_mm = text_scales_mm(view) if height_mm is None else [height_mm]
     for scale_mm in scales_mm if fine else scales_mm[:1]:
         pitch_mm = scale_mm / FINDER_ROWS
         layers = resample(view, pitch_mm)
@@ -58,17 +57,14 @@ def find_in_tiles(
         left -= len(tiles)
         if left < 0:
             break
-        if not tiles:
-            continue
-        lines += joined_cells(_surest(layers, tiles), pitch_mm, view.origin_mm, least=_MIDDLE)
+        if tiles:
+            lines += joined_cells(_surest(layers, tiles), pitch_mm, view.origin_mm, least=_MIDDLE)
     return without_doubles(lines)
 
 
-def _scales(
-    view: View, *, tallest: float = 0.16, lowest: float = 0.0305, octaves: float = 0.7
-) -> list[float]:
-    # tallest, lowest: character heights as shares of the view's smaller side; taller ones are found in the whole view
-    # octaves: octaves between two scales
+def text_scales_mm(view: View, *, tallest: float = 0.16, lowest: float = 0.0305) -> list[float]:
+    """Character heights to look for, from and to a share of the view's smaller side, 0.7 octaves apart."""
+    octaves = 0.7
     side = min(view.size_mm)
     high, low = tallest * side, max(lowest * side, LEAST_PIXELS * view.pitch_mm)
     count = math.floor(math.log2(high / low) / octaves) + 1 if high >= low else 0
@@ -140,7 +136,6 @@ def _surest(layers: Floats, tiles: Corners) -> Floats:
 def text_like(
     picture: Floats,  # (rows, columns) brightness, 12 pixels for each character height
     *,
-    cell: int = 4,
     strongest: float = 0.4,
     # ratio of the edges of a place and those above and below from which it counts no more: a single edge is
     # not a row
@@ -150,7 +145,7 @@ def text_like(
     """Row and column of the middles of rows of upright edges, the densest first."""
     from glyphs.opencv import cv2
 
-    rows, columns = (max(n // cell, 1) for n in picture.shape)
+    rows, columns = (max(n // CELL, 1) for n in picture.shape)
     steep = np.minimum(np.abs(cv2.Sobel(picture, cv2.CV_32F, 1, 0, ksize=3)), strongest)
     steep = cv2.resize(steep, (columns, rows), interpolation=cv2.INTER_AREA)
     # a character is 3 cells high, and a row is five of them long
@@ -163,4 +158,4 @@ def text_like(
     peak = cv2.dilate(mean, np.ones((height, length), dtype=np.uint8))
     y, x = np.nonzero((mean >= peak) & (mean > least_denser))
     order = np.argsort(-mean[y, x], kind="stable")
-    return [(cell * int(y[k]) + cell // 2, cell * int(x[k]) + cell // 2) for k in order]
+    return [(CELL * int(y[k]) + CELL // 2, CELL * int(x[k]) + CELL // 2) for k in order]

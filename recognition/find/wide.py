@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recognition.find.finder import CELL, FINDER_ROWS, FoundLine, findings, joined_cells, without_doubles
 from recognition.find.promise import promise_of
 from recognition.find.search import Search
-from recognition.find.tiles import COLUMNS, LEAST_PIXELS, ROWS, Corners, even_out, text_like
+from recognition.find.tiles import COLUMNS, ROWS, Corners, even_out, text_like, text_scales_mm
 from recognition.recogniser.read_line import ReadLine
 from recognition.see.view import GREY, KNOWN, LAYERS, View
 
@@ -36,18 +36,15 @@ def find_wide(
     height_mm: float | None = None,
     tallest: float = 0.45,
     lowest: float = 0.0085,
-    octaves: float = 0.7,
     coarse_pixels: int = 130_000,
     most_rows: int = 24,
 ) -> list[FoundLine]:
     """Find the lines of a large picture, most promising first; they run within some 30 degrees of level."""
     from glyphs.opencv import cv2
 
-    side, lines, grey = min(view.size_mm), list[FoundLine](), view.layers[GREY]
-    least_mm = max(lowest * side, LEAST_PIXELS * view.pitch_mm)
-    count = int(np.log2(tallest * side / least_mm) / octaves) + 1
-    scales_mm = [tallest * side * 2.0 ** (-octaves * k) for k in range(count)]
-    for scale_mm in scales_mm if height_mm is None else [height_mm]:
+    lines, grey = list[FoundLine](), view.layers[GREY]
+    scales_mm = text_scales_mm(view, tallest=tallest, lowest=lowest) if height_mm is None else [height_mm]
+    for scale_mm in scales_mm:
         columns = max(8, round(grey.shape[1] * view.pitch_mm * FINDER_ROWS / scale_mm))
         rows = max(8, round(grey.shape[0] * columns / grey.shape[1]))
         how = cv2.INTER_AREA if columns < grey.shape[1] else cv2.INTER_LINEAR
