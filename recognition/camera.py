@@ -1,7 +1,7 @@
 """Evidence by camera: from a photograph to the text in it.
 
 photograph --area of the regions, codes removed, shrunk--> view --find--> lines
-                                      \\-> the same without stains, if a line promises more there; used if clearly surer
+                                      \\-> the same without stains, if a line promises more there: used if clearly surer
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class SearchLimits:
     chance_gain: float = 1.0
     # ratio of the usual and the fitting width of a strip from which a doubtful line is read at both
     rewidened: float = 1.5
-    # share of the greatest promise below which a line of a photograph is not read at another width: of 571 lines of 280
+    # share of the greatest promise below which a line of a photograph is not read at another width: of 572 lines of 280
     # dirty photographs one became more promising than half of the greatest promise by it
     hopeless: float = -1.0
     # advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38

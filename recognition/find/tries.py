@@ -10,7 +10,8 @@ A log of searches without a price gives gains and costs (its table: `tests/bench
 
 So few parts fill few bands: gains here are rounded, smoothed between neighbours, and chosen by hand where hardly any
 search was logged. None of those parts lay turned and few lines were small, so the gains of "vertical", "slanted",
-"reversed", "small" and "smallest" are chosen as well.
+"reversed", "small" and "smallest" are chosen as well. The cost of "smallest" is that of a photograph, in which it
+looks only at tiles that are like text.
 """
 
 from __future__ import annotations
