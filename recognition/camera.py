@@ -1,11 +1,12 @@
 """Evidence by camera: from a photograph to the text in it.
 
 photograph --area of the regions, codes removed, shrunk--> view --find--> lines
-                                      \\-> the same without stains, used if clearly surer
+                                      \\-> the same without stains, if a line promises more there: used if clearly surer
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +21,7 @@ from recognition.decide.score import log_odds
 from recognition.find.deadline import Deadline
 from recognition.find.find import FoundLines, apart, is_clear_text, read_lines, search_of
 from recognition.find.looks import Looks
-from recognition.find.promise import is_convincing
+from recognition.find.promise import is_convincing, promise_of
 from recognition.find.request import LineRequest
 from recognition.find.wide import read_wide
 from recognition.glyph_match.face_library import face_library
@@ -141,7 +142,12 @@ class VisionReader:
         clean_view = stainless_view(bare)
         if clean_view is None:
             return seen
-        clean = self._of_views([clean_view], request, log, times, about)
+        with times.step("find"):
+            line = _better_line(clean_view, request, seen.evidence.main)
+        if line is None:
+            return seen
+        again = replace(request, limits=replace(request.limits, most_looks=request.limits.again_looks))
+        clean = self._of_views([clean_view], again, log, times, (line, *seen.found.lines.places[1:]))
         other = score_text(Evidence.of(clean.evidence), self.settings)
         surer = log_odds(other.score) > log_odds(choice.score) + CLEARLY_NATS
         # the same text again is no further evidence: it is the same photograph
@@ -192,6 +198,19 @@ class _Seen:
         with self.times.step("find"):
             lines = self.found.with_layout(self.evidence.lines)
         return replace(self.evidence, lines=lines).logged(seconds=self.times.seconds)
+
+
+def _better_line(
+    view: View, request: LineRequest, main: ReadLine | None, *, slack_nats: float = 1.0
+) -> TextLine | None:
+    """The line of another view that promises more than the photograph's at a cheap look, or hardly less.
+
+    The view is looked at along its own most promising line and along the photograph's.
+    """
+    search, known = search_of(view, request), [] if main is None else [main]
+    least = max((promise_of(line) - slack_nats for line in known), default=-math.inf)
+    lines = search.read([*search.candidates()[:1], *(line.line for line in known)], cheap=True)
+    return next((read.line for read in search.in_region(lines) if promise_of(read) >= least), None)
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:

@@ -15,8 +15,8 @@ SAGS = (-0.95, -0.5, 0.5, 0.95)
 89 photographs of arcs of the calibration design, dirt from 0.3 on, they raise characters from 66 to 74 %."""
 LONGER = ((1.5, 1.5), (1.5, 0.0), (0.0, 1.5), (3.0, 0.0), (0.0, 3.0))
 """Character heights added before and after a doubtful line."""
-CROPS = (0.85, 0.62)
-"""Character heights tried in a view that is cropped to one line, in view heights."""
+CROPS = ((0.85, 0.5), (0.62, 0.5))
+"""Lines of a view that is cropped to one line: height and middle, in view heights."""
 BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
 """Fallback line positions when the finder fails: height and middle, in view heights."""
 
@@ -33,25 +33,21 @@ def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -
     return TextLine(moved, line.height_mm * size)
 
 
-def whole_view(view: View) -> list[TextLine]:
-    """Lines of a view that is cropped to one line."""
-    return _across(view, [(share, 0.5) for share in CROPS])
-
-
 def anywhere(
     view: View, *, height_mm: float | None = None, blind_step: float = 0.6, most_blind: int = 10
 ) -> list[TextLine]:
     """Lines to try across a view in which none was found; their spacing is in character heights, if known."""
     if height_mm is None:
-        return _across(view, BLIND)
+        return across(view, BLIND)
     share = height_mm / view.size_mm[1]
     if not 1.0 / most_blind < share <= 1.0:
         return []
     n = min(most_blind, math.ceil((1.0 - share) / (blind_step * share)) + 1)
-    return _across(view, [(share, middle) for middle in np.linspace(0.5 * share, 1.0 - 0.5 * share, n)])
+    return across(view, [(share, middle) for middle in np.linspace(0.5 * share, 1.0 - 0.5 * share, n)])
 
 
-def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:
+def across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:
+    """Lines across a view at heights and middles, in view heights; none of a view that is much taller than wide."""
     width, height = view.size_mm
     if width < 0.5 * height:
         return []

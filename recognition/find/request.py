@@ -40,9 +40,13 @@ class SearchLimits:
     chance_gain: float = 1.0
     # ratio of the usual and the fitting width of a strip from which a doubtful line is read at both
     rewidened: float = 1.5
+    # share of the greatest promise below which a line of a photograph is not read at another width: of 572 lines of 280
+    # dirty photographs one became more promising than half of the greatest promise by it
+    hopeless: float = -1.0
     # advance below which a line probably crosses its characters; the narrowest of 494 faces has 0.38
     narrowest: float = 0.32
     most_looks: int | None = 24
+    again_looks: int = 16  # looks of a search about a known line, in another picture of the same photograph
     spared_looks: int = 8
     layout_looks: int = 10
     # price of processor time: expected gain of a try, right characters for each ms, below which it is left

@@ -28,7 +28,7 @@ from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.recogniser.recogniser import CHEAP, WIDER, steps_of, wider_for, wider_of
 from recognition.recogniser.steps import Steps
 from recognition.see.text_line import TextLine
-from recognition.see.view import View
+from recognition.see.view import View, ViewKind
 
 Move = tuple[float, float, int]
 """Shift down, character heights; factor of the height; columns skipped at the start."""
@@ -135,7 +135,8 @@ class Search:
         limits, grammar = self.request.limits, self.request.grammar
         read = combine_looks(line, [self._steps(line, wider=wider)], grammar)
         unfit = read is None or read.advance < limits.narrowest or is_convincing([read], limits.settled)
-        if read is None or unfit or not fit:
+        hopeless = self.view.kind is ViewKind.PHOTO and read is not None and share_of(read) < limits.hopeless
+        if read is None or unfit or hopeless or not fit:
             return read
         fitting = wider_for(read.advance) * wider / WIDER
         if max(fitting / wider, wider / fitting) < limits.rewidened or not self.looks.may_look():

