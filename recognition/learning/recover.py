@@ -119,13 +119,18 @@ def _numbers(path: Path) -> dict[str, Numbers]:
     return {names.get(name, name): values for name, values in numbers.items()}
 
 
-def main(*, out: Path, source: Path = PUBLISHED) -> None:
+def main(*, out: Path, source: Path = PUBLISHED, public_share: float = 0.0) -> None:
     """Write the torch weights of an eight-bit recogniser.
 
     Args:
         source: ONNX file (default: the recogniser of this program).
+        public_share: share of the public network's weights that is mixed in: what these know of print comes back.
     """
-    torch.save(recover(source).state_dict(), out)
+    network, public = recover(source), Recogniser(load_start(), CHARACTERS)
+    with torch.no_grad():
+        for values, known in zip(network.parameters(), public.parameters(), strict=True):
+            values.lerp_(known, public_share)
+    torch.save(network.state_dict(), out)
 
 
 if __name__ == "__main__":

@@ -92,7 +92,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         lambda batch, draw: _loss(network, batch, draw),
         judge,
         write,
-        early=() if how.noise or how.start else network.early(),
+        early=() if how.noise else network.early(),
     )
 
 

@@ -34,7 +34,7 @@ class Training:
         seed: seed of weights, batches and augmentation.
         rate: peak of the learning rate (default: the network's own).
         frozen_share: share of the samples, at the start, for which early layers are frozen; a step then takes two
-            thirds of the time.
+            thirds of the time (default: 0.35 from public weights, none from a start of one's own).
         noise: whether to start the recogniser from random instead of public weights.
         workers: processes that prepare batches.
         times: number of times that a batch is used, augmented anew each time.
@@ -44,7 +44,7 @@ class Training:
     seed: int = 0
     batch: int = 16
     rate: float | None = None
-    frozen_share: float = 0.35
+    frozen_share: float | None = None
     start: Path | None = None
     noise: bool = False
     covers: bool = True
@@ -97,6 +97,7 @@ def fit(
     else:
         _report(log, {"start": task.measure(network)[1]})
     draw.manual_seed(how.seed + step)
+    frozen_share = (0.0 if how.start else 0.35) if how.frozen_share is None else how.frozen_share
     share = max(step - 1, 0) * how.batch / how.samples
     rates = LambdaLR(task.optimiser, lambda _: _rate(share))
     saved = measured = time.monotonic()
@@ -105,7 +106,7 @@ def fit(
         if share >= 1.0:
             break
         for weights in task.early:
-            weights.requires_grad_(share >= how.frozen_share)
+            weights.requires_grad_(share >= frozen_share)
         loss = task.loss(batch, draw)
         task.optimiser.zero_grad()
         loss.backward()
