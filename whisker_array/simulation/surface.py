@@ -15,6 +15,7 @@ from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
 from whisker_array.simulation.threads import in_threads
+from whisker_array.whisker.passes import SweepPlan
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
@@ -76,14 +77,12 @@ def prepare_surface(
 ) -> TouchSurface:
     """Prepare a height map for tracing: fill dropouts, dilate by the tip, compute slopes, add the friction.
 
-    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between. Raises
-    MapError for a map of another shape.
+    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between. Friction
+    and dirt lie on the grid of the map (`check_friction`, `check_soil`).
     """
-    mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
+    mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)
     pitch = height_map.pitch_mm
-    if soil is not None:
-        check_soil(soil, height_map.shape)
     if soil is None or not soil.thickness_mm.any():
         fields = _dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
         return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch)
@@ -174,14 +173,14 @@ def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, h
 
 
 def sample_lines(
-    surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
+    surface: TouchSurface, plan: SweepPlan
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Height, friction and dropout at every sample of parallel lines, (lines, samples) each: bilinear."""
-    height, mu = np.empty((2, lines_mm.size, n_samples), dtype=np.float32)
+    """Height, friction and dropout at every sample of a plan in the trace frame, (lines, samples) each: bilinear."""
+    lines = np.ravel(np.asarray(plan.line_mm, dtype=np.float64))
+    height, mu = np.empty((2, lines.size, plan.n_samples), dtype=np.float32)
     missing = np.empty(height.shape, dtype=np.bool_)
     fields, dropout = read_only(surface.fields), read_only(surface.dropout)
-    lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
-    place = 1.0 / surface.pitch_mm, lines, float(start_mm), float(step_mm)
+    place = 1.0 / surface.pitch_mm, lines, float(plan.start_mm), float(plan.step_mm)
     arrays = fields, dropout, *place, height, mu, missing
     in_threads(lambda first, last: _sample_lines(first, last, *arrays), lines.size)
     return height, mu, missing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -44,31 +43,20 @@ def trace_sweep(
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
-    tip, step = touch.tip.pushed() if sweep.pushed else touch.tip, sweep.step_mm
-    sample = partial(
-        sample_lines, lines_mm=lines[on_part], start_mm=start, step_mm=step, n_samples=sweep.n_samples
-    )
+    traced = replace(sweep, line_mm=lines[on_part], start_mm=start)
     dropout = None
     if fidelity is Fidelity.POINTWISE or oriented.dropout.any():
-        heights, mu, dropout = sample(oriented)
+        heights, mu, dropout = sample_lines(oriented, traced)
     if fidelity is Fidelity.POINTWISE:
+        tip, step = touch.tip.pushed() if sweep.pushed else touch.tip, sweep.step_mm
         if oriented.yielding is not None:
-            top, stiffness, _ = sample(replace(oriented, fields=oriented.yielding))
+            top, stiffness, _ = sample_lines(replace(oriented, fields=oriented.yielding), traced)
             heights = sunken_heights(
                 top, heights, stiffness, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu
             )
         some = trace_pointwise(heights, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu)
     else:
-        some = trace_contact(
-            oriented,
-            tip,
-            lines_mm=lines[on_part],
-            start_mm=start,
-            step_mm=step,
-            n_samples=sweep.n_samples,
-            preload_mm=touch.preload_mm,
-            nominal_friction=touch.friction,
-        )
+        some = trace_contact(oriented, touch, traced)
     moment = np.zeros((lines.size, sweep.n_samples), dtype=np.float32)
     flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
     moment[on_part] = some.moment_n_mm

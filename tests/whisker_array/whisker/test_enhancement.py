@@ -19,7 +19,7 @@ from tests.support.paper import (
     h_of_paper,
     singular_angle_rad,
 )
-from whisker_array.simulation.contact import trace_contact
+from tests.support.trace_frame import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.whisker.enhancement import (
