@@ -28,13 +28,13 @@ from whisker_array.estimation.relief import (
     STEEPEST,
     Relief,
     Route,
-    mean_of_known,
     move_to_tips,
     relief_from_edges,
 )
 from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.contact import land_lag_mm
+from whisker_array.simulation.regrid import mean_of_known
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import Touch
 
@@ -81,7 +81,7 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
     shift = play_between(slopes_of)
     # the height is from dragged sweeps, because a pushed tip jams sooner on a steep wall
     dragged = [_map(v.lift, grid, shift) for v in views if v.friction_sign > 0.0]
-    height = mean_of_known(dragged) - profiles_of.touch.preload_mm
+    height = mean_of_known(np.stack(dragged), axis=0) - profiles_of.touch.preload_mm
     slopes: list[Lines | None] = [None, None]
     frictions = []
     for axis, along_x in enumerate((True, False)):
@@ -110,7 +110,7 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
         friction=mu,
         friction_sd=known.sd if known else None,
         route=Route.PROFILED,
-        friction_map=mean_of_known(frictions).astype(np.float32) if frictions else None,
+        friction_map=mean_of_known(np.stack(frictions), axis=0).astype(np.float32) if frictions else None,
     )
 
 

@@ -88,11 +88,10 @@ class Mounted(OneLine):
                 size_mm=self.size_mm,
                 commanded=commanded,
             )
-            shape = (*traced.line_mm.shape, traced.n_samples)
-            moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
+            moment, flags = traces.moment_n_mm, traces.flags
             if stage is not None:
                 moment, flags = apply_screw_wave(moment, flags, commanded, stage)
-            air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
+            air = np.zeros((*traced.line_mm.shape, air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
                 # one kind at a time: kinds reach a position one after the other, so the base shakes them
                 # differently

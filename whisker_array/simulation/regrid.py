@@ -104,8 +104,12 @@ def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
     n_rows, n_cols = ((n - 1) // block + 1 for n in values.shape)
     padded = np.pad(values, block // 2, mode="edge")[: n_rows * block, : n_cols * block]
     blocks = padded.reshape(n_rows, block, n_cols, block)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=(1, 3))
-    total = np.where(known, blocks, 0.0).sum(axis=(1, 3), dtype=np.float64)
-    with np.errstate(invalid="ignore"):
-        return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
+    return mean_of_known(blocks, axis=(1, 3)).astype(np.float32)
+
+
+def mean_of_known(values: NDArray[np.floating], *, axis: int | tuple[int, ...]) -> NDArray[np.float64]:
+    """Mean of the known values along axes; NaN if none is known."""
+    known = np.isfinite(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis, dtype=np.float64)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

@@ -48,7 +48,7 @@ _MESSAGES = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Traces(OneLine):
-    """Moments (lines, samples) of parallel traces; 0 where contact is lost or the tip jams."""
+    """Moments (lines or passes and whiskers, samples) of traces; 0 where contact is lost or the tip jams."""
 
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]

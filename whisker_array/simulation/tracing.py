@@ -23,23 +23,22 @@ def trace_sweep(
     fidelity: Fidelity,
     origin_mm: float,
     size_mm: tuple[float, float],
-    commanded: SweepPlan | None = None,
+    commanded: SweepPlan,
 ) -> Traces:
     """Trace one sweep over a padded surface in its trace frame.
 
     Lead-in and lead-out may run on the repeated edge; any other sample beyond the part is OUTSIDE.
-    `commanded` positions, by default the actual ones, decide it. Returns (passes * whiskers, samples), passes first.
+    `commanded` positions decide it. Returns (passes, whiskers, samples).
     """
     length = (oriented.shape[1] - 1) * oriented.pitch_mm
     start = sweep.start_mm - origin_mm
     if sweep.direction.backward:
         start = length - start
-    lines = sweep.line_mm.ravel() - origin_mm
+    lines = sweep.line_mm - origin_mm
     # half a thousandth of a step, so that rounding puts no position beyond the edge
-    commanded = sweep if commanded is None else commanded
     slack = 5e-4 * commanded.step_mm
     reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
-    across, along = commanded.line_mm.ravel(), commanded.position_mm()
+    across, along = commanded.line_mm, commanded.position_mm()
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
@@ -57,11 +56,11 @@ def trace_sweep(
         some = trace_pointwise(heights, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu)
     else:
         some = trace_contact(oriented, touch, traced)
-    moment = np.zeros((lines.size, sweep.n_samples), dtype=np.float32)
+    moment = np.zeros((*lines.shape, sweep.n_samples), dtype=np.float32)
     flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
     moment[on_part] = some.moment_n_mm
     flags[on_part] = some.flags
     if dropout is not None:
         flags[on_part] |= np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
-    flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
+    flags[..., beyond] |= np.uint8(SampleFlag.OUTSIDE)
     return Traces(moment_n_mm=moment, flags=flags)

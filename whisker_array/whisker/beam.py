@@ -87,11 +87,9 @@ class Segment(OneLine):
     def section_compliances(self, fractions: Vector) -> Matrix:
         """(n, 3, 3) C of physics.md at the shares (n,) of the length: twist and curvature per moment, 1/(N mm^2)."""
         e, g = self.material.e_mpa, self.material.g_mpa
-        places = fractions if isinstance(self.section, Taper) else fractions[:1]
-        sections = [self.section_at(float(t)) for t in places]
+        sections = [self.section_at(float(t)) for t in fractions]
         about = np.array([(g * s.j_mm4, e * s.i_vertical_mm4, e * s.i_lateral_mm4) for s in sections])
-        compliances = np.stack([self.axes.T @ (self.axes / each[:, None]) for each in about])
-        return np.broadcast_to(compliances, (fractions.size, 3, 3))
+        return np.stack([self.axes.T @ (self.axes / each[:, None]) for each in about])
 
     def points_mm(self, fractions: Vector) -> Matrix:
         return self.start_mm + fractions[:, None] * (self.end_mm - self.start_mm)
