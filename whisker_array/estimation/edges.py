@@ -22,15 +22,7 @@ from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 
-UNUSABLE = np.uint8(
-    SampleFlag.CONTACT_LOST
-    | SampleFlag.JAMMED
-    | SampleFlag.OUT_OF_RANGE
-    | SampleFlag.OUTSIDE
-    | SampleFlag.DROPOUT
-    | SampleFlag.NOT_CONVERGED
-    | SampleFlag.FAULTY
-)
+UNUSABLE = np.uint8(0xFF & ~SampleFlag.SATURATED)
 
 
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
@@ -60,9 +52,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in. Raises MapError."""
     raw, offset = _signal(scan, sweep)
     shape, lead = raw.shape, sweep.plan.n_lead
-    order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
-    place = sweep.plan.line_mm.ravel()[order]
-    whisker = np.tile(np.arange(shape[1]), shape[0])[order]
+    order, whisker, place = sweep.plan.lines_in_order()
     within, flags = slice(lead, max(shape[2] - lead, lead)), sweep.flags.reshape(-1, shape[2])[order]
     lines = raw.reshape(-1, shape[2])[order, within].astype(np.float64) - offset.ravel()[order, None]
     lines[(flags[:, within] & UNUSABLE) != 0] = np.nan

@@ -45,11 +45,11 @@ class SweepShares(OneLine):
     @cached_property
     def lines(self) -> tuple[Floats, NDArray[np.intp], Floats]:
         """Usable lines without lead-in and lead-out, in order across the plate; whisker and position of each."""
-        (passes, whiskers, samples), lead = self.share.shape, self.plan.n_lead
-        traced = self.share.reshape(-1, samples)[:, lead : samples - lead]
-        order = np.argsort(self.plan.line_mm, axis=None, kind="stable")
-        order = order[np.isfinite(traced).mean(axis=1)[order] > 0.5]
-        return traced[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
+        samples, lead = self.share.shape[2], self.plan.n_lead
+        order, whisker, place = self.plan.lines_in_order()
+        traced = self.share.reshape(-1, samples)[order, lead : samples - lead]
+        usable = np.isfinite(traced).mean(axis=1) > 0.5
+        return traced[usable], whisker[usable], place[usable]
 
     @cached_property
     def levels(self) -> Floats:

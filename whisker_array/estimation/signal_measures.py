@@ -59,7 +59,7 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
     masks = []
     for f, quiet in zip(shares, silent, strict=True):
         whole = quiet.all(axis=2)
-        order = np.argsort(f.plan.line_mm, axis=None, kind="stable")
+        order, _, _ = f.plan.lines_in_order()
         outer = np.zeros(whole.size, dtype=np.bool_)
         for lines in (order, order[::-1]):
             run = lines[np.logical_and.accumulate(whole.ravel()[lines])]
@@ -323,10 +323,9 @@ def best_order(
 
 
 def _borders(f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: float, cut: float) -> _Borders:
-    line_mm = f.plan.line_mm
-    order = np.argsort(line_mm, axis=None, kind="stable")
-    row, whisker = np.divmod(order, line_mm.shape[1])
-    near = np.diff(line_mm.ravel()[order]) < 2.0 * line_pitch_mm
+    order, whisker, place = f.plan.lines_in_order()
+    row = order // level.size
+    near = np.diff(place) < 2.0 * line_pitch_mm
     neighbours = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
     height = np.where(beyond, -cut, np.clip(f.share / level[:, None] - 1.0, -cut, cut))
     height[~np.isfinite(f.share)] = np.nan

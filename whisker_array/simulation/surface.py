@@ -84,30 +84,24 @@ def prepare_surface(
     filled, dropout = fill_dropouts(height_map.z_mm)
     pitch = height_map.pitch_mm
     if soil is None or not soil.thickness_mm.any():
-        fields = _dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+        fields = dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
         return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch)
-    fields = _dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+    fields = dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
     stiffness = carrying_stiffness_n_per_mm(soil, tip_radius_mm=tip_radius_mm, pitch_mm=pitch)
     none = np.zeros((1, 1), dtype=np.float32)
-    top = _dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
-    carrying = _dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
+    top = dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
+    carrying = dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
     carrying[..., 3] = (top != fields[..., :3]).any(axis=2)
     yielding = np.concatenate([top, carrying], axis=2)
     return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch, yielding=yielding)
 
 
-def _dilated_fields(
+def dilated_fields(
     z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float, radius_mm: float
 ) -> NDArray[np.float32]:
-    dilated = dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm)
-    return fields_of(dilated, beside, pitch_mm=pitch_mm)
-
-
-def fields_of(
-    z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float
-) -> NDArray[np.float32]:
-    """Fields (rows, cols, 4): heights, their slopes along columns and rows, and `beside`."""
-    z, fields = np.asarray(z_mm, dtype=np.float32), np.empty((*z_mm.shape, 4), dtype=np.float32)
+    """Fields (rows, cols, 4): heights dilated by a ball, their slopes along columns and rows, and `beside`."""
+    z = np.asarray(dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm), dtype=np.float32)
+    fields = np.empty((*z.shape, 4), dtype=np.float32)
     fields[..., 0], fields[..., 3] = z, beside
     half = np.float32(0.5 / pitch_mm)
     for layer, axis in ((1, 1), (2, 0)):
@@ -131,8 +125,6 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
 
 
 def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
-    if direction is TraceDirection.FORWARD_X:
-        return np.ascontiguousarray(fields, dtype=np.float32)
     turned = fields if direction.along_x else fields.swapaxes(0, 1)
     turned = turned[:, ::-1] if direction.backward else turned
     out = np.empty(turned.shape, dtype=np.float32)
