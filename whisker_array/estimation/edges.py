@@ -43,8 +43,7 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
     air = sweep.air_n_mm
     if scan.calibration is not None:
         raw = apply_calibration(raw, scan.calibration)
-        if air.shape[2]:
-            air = apply_calibration(air, scan.calibration)
+        air = apply_calibration(air, scan.calibration)
     return raw, np.median(air, axis=2).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
 
 

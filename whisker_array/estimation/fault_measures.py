@@ -113,8 +113,6 @@ def saturated(
     low = np.fmin.reduce([np.fmin.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     high = np.fmax.reduce([np.fmax.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     runs = [_in_runs(v, run) for v in values]
-    if not any(r.any() for r in runs):
-        return runs
     ends = [(v == low) | (v == high) for v in values]
     clipped = [r & e for r, e in zip(runs, ends, strict=True)]
 

@@ -77,10 +77,10 @@ def prepare_surface(
 ) -> TouchSurface:
     """Prepare a height map for tracing: fill dropouts, dilate by the tip, compute slopes, add the friction.
 
-    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between. Friction
-    and dirt lie on the grid of the map (`check_friction`, `check_soil`).
+    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between; it
+    lies on the grid of the map (`check_soil`). Raises MapError for wrong friction.
     """
-    mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
+    mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)
     pitch = height_map.pitch_mm
     if soil is None or not soil.thickness_mm.any():

@@ -34,6 +34,8 @@ class SampleFlag(IntFlag):
         return "; ".join(text for flag, text in _MESSAGES.items() if flag in self) or "good"
 
 
+LOST = np.uint8(SampleFlag.CONTACT_LOST)
+JAMMED = np.uint8(SampleFlag.JAMMED)
 _MESSAGES = {
     SampleFlag.CONTACT_LOST: "the whisker lost contact (raise the preload)",
     SampleFlag.JAMMED: "the tip jams on a wall (lower k = l2/l1, or the friction)",

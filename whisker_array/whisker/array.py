@@ -29,12 +29,7 @@ from whisker_array.whisker.comb import Body, Comb, collisions, default_body, roo
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
 from whisker_array.whisker.sections import WhiskerError
 
-ALL_DIRECTIONS = (
-    TraceDirection.FORWARD_X,
-    TraceDirection.FORWARD_Y,
-    TraceDirection.BACK_X,
-    TraceDirection.BACK_Y,
-)
+ALL_DIRECTIONS = tuple(TraceDirection)
 LINES_PER_HEIGHT = 40
 """Default number of lines per character height: a stroke of h/10 is four lines wide."""
 PIECE_LINES = 4

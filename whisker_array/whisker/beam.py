@@ -20,7 +20,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import Material, Section, SectionLike, Taper, WhiskerError
@@ -76,8 +75,7 @@ class Segment(OneLine):
         if np.linalg.norm(lateral) < 1e-9:
             lateral = _WORLD_X - along * along[0]
         lateral = lateral / np.linalg.norm(lateral)
-        (x, y, z), (u, v, w) = along, lateral
-        return np.array([along, lateral, [y * w - z * v, z * u - x * w, x * v - y * u]])
+        return np.array([along, lateral, np.cross(along, lateral)])
 
     def section_at(self, t: float) -> Section:
         if isinstance(self.section, Taper):
@@ -149,12 +147,6 @@ def check_chain(segments: Sequence[Segment]) -> None:
                 f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}",
                 hint="list them base to tip",
             )
-
-
-def require_plane(error: type[MarksError], points_mm: Matrix) -> None:
-    """Check that the points (n, 3) of a whisker lie in the plane of tracing; otherwise raises `error`."""
-    if np.ptp(points_mm[:, 2]) > 1e-9 * np.abs(points_mm - points_mm[0]).max():
-        raise error("the whisker leaves the plane of tracing", hint="give a chain with one z for all points")
 
 
 def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matrix:
