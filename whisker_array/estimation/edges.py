@@ -107,11 +107,8 @@ def edge_map(
             layers, known, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm
         )
     valid = np.logical_and.reduce(known)
-    stack = np.zeros((len(layers), *valid.shape), dtype=np.float32)
-    for into, layer in zip(stack, layers, strict=True):
-        np.copyto(into, layer, casting="same_kind", where=valid)
     return EdgeMap(
-        enhancement=stack,
+        enhancement=np.where(valid, layers, 0.0).astype(np.float32),
         directions=scan.directions,
         valid=valid,
         pitch_mm=grid.pitch_mm,

@@ -143,12 +143,8 @@ def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Flo
     last = np.maximum(known - 1, 0)
     below = (q * last).astype(np.intp)
     above = np.minimum(below + 1, last)
-    if known.size and known.min() == known.max():
-        ranks = below.flat[0], above.flat[0]
-        low, high = np.moveaxis(np.partition(values, ranks, axis=-1)[..., ranks], -1, 0)
-    else:
-        ordered = np.sort(values, axis=-1)
-        low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
+    ordered = np.sort(values, axis=-1)
+    low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
     return np.where(known >= fewest, low + (q * last - below) * (high - low), np.nan)
 
 

@@ -17,6 +17,7 @@ from tests.support.paper import (
     enhancement_level_with_h,
     friction_slope,
     h_of_paper,
+    is_jammed,
     singular_angle_rad,
 )
 from tests.support.trace_frame import trace_contact
@@ -26,7 +27,6 @@ from whisker_array.whisker.enhancement import (
     contact_direction,
     contact_force,
     enhancement_factor,
-    is_jammed,
     land_moment_n_mm,
     moment_n_mm,
     moment_ratio,
