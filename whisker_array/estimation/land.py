@@ -91,14 +91,12 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
         return np.ones(whisker.size)
     # only the steps across the borders and beside them are needed
     needed = np.unique(np.clip(border[:, None] + np.array([-1, 0, 1]), 0, whisker.size - 2))
-    known = np.zeros(whisker.size - 1, dtype=np.bool_)
-    middle = np.zeros(whisker.size - 1)
-    middle[needed], known[needed] = _log_step(lines, needed)
+    middle = np.full(whisker.size - 1, np.nan)
+    middle[needed] = _log_step(lines, needed)
+    known = np.isfinite(middle)
     index = np.searchsorted(names, whisker)
     steps = []
-    for i in border:
-        if not known[i]:
-            continue
+    for i in border[known[border]]:
         beside = [
             j for j in (i - 1, i + 1) if 0 <= j < known.size and known[j] and whisker[j] == whisker[j + 1]
         ]
@@ -120,16 +118,14 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
     return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0])
 
 
-def _log_step(
-    lines: NDArray[np.float64], first: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _log_step(lines: NDArray[np.float64], first: NDArray[np.int64]) -> NDArray[np.float64]:
     with np.errstate(invalid="ignore", divide="ignore"):
         step = np.log(np.abs(lines[first + 1] / lines[first]))
     step[np.isinf(step)] = np.nan
     known = np.isfinite(step).sum(axis=1) >= 20
-    middle = np.zeros(first.size)
+    middle = np.full(first.size, np.nan)
     middle[known] = np.nanmedian(step[known], axis=1)
-    return middle, known
+    return middle
 
 
 def remove_drift(

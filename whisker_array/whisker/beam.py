@@ -158,7 +158,5 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     """
     check_chain(segments)
     tip = segments[-1].end_mm
-    d = np.zeros((6, 6))
-    for segment in segments:
-        d += _segment_compliance(segment, tip, axial)
+    d = sum((_segment_compliance(segment, tip, axial) for segment in segments), np.zeros((6, 6)))
     return np.asarray((d + d.T) / 2.0)
