@@ -175,12 +175,14 @@ def feel_step(
     touch = Touch(tip, PRELOAD_MM, tip_radius_mm, friction=mu)
     line = np.array([[SAMPLE_MM]])
     sweep = SweepPlan(TraceDirection.FORWARD_X, line, 0.0, SAMPLE_MM, surface.shape[1], n_lead=0)
-    traces = trace_sweep(surface, sweep, touch=touch, fidelity=fidelity, origin_mm=0.0, size_mm=piece.size_mm)
+    traces = trace_sweep(
+        surface, sweep, touch=touch, fidelity=fidelity, origin_mm=0.0, size_mm=piece.size_mm, commanded=sweep
+    )
     wrong = SampleFlag(int(np.bitwise_or.reduce(traces.flags, axis=None)))
     if wrong:
         raise StepError(f"k = {k}, {alpha_deg:g} degrees, mu = {mu}: {wrong.describe()}")
     place = sweep.position_mm() - wedge.land_mm
-    moment = np.asarray(traces.moment_n_mm[0], dtype=np.float64)
+    moment = np.asarray(traces.moment_n_mm[0, 0], dtype=np.float64)
     return Step(
         k, alpha_deg, mu, fidelity, wedge, place, moment,
         predicted=enhancement_factor(tip, alpha_rad=wedge.alpha_rad, mu=mu),

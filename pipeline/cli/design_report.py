@@ -11,11 +11,12 @@ import numpy as np
 
 from pipeline.cli.shared import print_table
 from pipeline.reading.predictions import Quantity
-from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_mm
+from whisker_array.design.array_design import ArrayChoice, ArrayRequest
 from whisker_array.design.checks import check
 from whisker_array.design.design import Design, NoWhiskerError, worst_edge
 from whisker_array.design.limits import Bound, Constraint, DesignError, Request
 from whisker_array.design.plan_accuracy import describe_directions
+from whisker_array.design.search import sides_mm
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import Kind, Tuned
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
@@ -234,7 +235,7 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
     headings = ("whiskers", "rows", "stagger mm", "pitch mm", "ribbon mm", "beta deg", "lines", "ways", "passes",
                 "mm/s", "stage s")  # fmt: skip
     rows = (
-        (a.n_whiskers, a.rows, f"{a.stagger_mm:.2f}", f"{a.pitch_mm:.2f}", f"{ribbon_mm(c.whisker):.2f}",
+        (a.n_whiskers, a.rows, f"{a.stagger_mm:.2f}", f"{a.pitch_mm:.2f}", f"{sides_mm(c.whisker)[1]:.2f}",
          f"{math.degrees(c.whisker.beta_rad):.0f}", c.measured.lines, len(c.measured.directions), c.plan.n_passes,
          f"{c.plan.speed_mm_s:.0f}", f"{c.stage_s:.1f}")
         for c in choices

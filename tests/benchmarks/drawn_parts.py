@@ -27,7 +27,7 @@ from glyphs.camera.photo import Photo
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan import scan
-from whisker_array.scan.mounting import Mounted, mount
+from whisker_array.scan.mounting import Mounted
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.passes import SweepPlan
@@ -74,7 +74,7 @@ class KeptSweeps:
     @contextmanager
     def in_place_of_simulation(self) -> Iterator[None]:
         """Within the block, scans of the virtual array take their sweeps from here."""
-        with mock.patch.object(scan, "mount", self._mount):
+        with mock.patch.object(scan, "Mounted", self._mount):
             yield
 
     def _mount(self, surface: HeightMap, **bench: Any) -> _KeptBench:
@@ -83,7 +83,7 @@ class KeptSweeps:
 
 @dataclass(frozen=True, eq=False)
 class _KeptBench:
-    """What `mount` returns; the surface is only prepared for a sweep that is missing."""
+    """Stands for `Mounted`; the surface is only prepared for a sweep that is missing."""
 
     kept: KeptSweeps
     surface: HeightMap
@@ -95,7 +95,7 @@ class _KeptBench:
 
     @cached_property
     def _mounted(self) -> Mounted:
-        return mount(self.surface, **self.bench)
+        return Mounted(self.surface, **self.bench)
 
     def __post_init__(self) -> None:
         _ = self._digest  # of the random generator before any noise is drawn

@@ -25,7 +25,7 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_job import PartJob, read_listed
 from pipeline.workers.pool import WorkPool
 from tests.benchmarks.one_core import TEXT
-from whisker_array.simulation.contact import trace_contact
+from tests.support.trace_frame import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.whisker.touch import default_touch

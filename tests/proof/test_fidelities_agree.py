@@ -21,9 +21,10 @@ from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import stamp_line
 from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import HeightMap
-from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from tests.support.trace_frame import sample_lines, trace_contact
+from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.simulation.pointwise import trace_pointwise
-from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
+from whisker_array.simulation.surface import TouchSurface, prepare_surface
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, TipModel

@@ -18,7 +18,8 @@ pytest.importorskip("mujoco", reason="an independent contact solver: pip install
 
 from glyphs.surface.maps import HeightMap
 from tests.support.mujoco_whisker import Drag, Wedge, drag
-from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from tests.support.trace_frame import trace_contact
+from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.simulation.surface import TouchSurface, prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from whisker_array.estimation.estimate import _small_root, moment_per_lift
-from whisker_array.whisker.enhancement import _divide, contact_direction, rotation
+from whisker_array.whisker.enhancement import _divide, _lift_and_turn, contact_direction, rotation
 from whisker_array.whisker.sections import Material, Section, WhiskerError
 from whisker_array.whisker.shapes import Matrix, TipModel, Vector
 
@@ -203,3 +203,9 @@ def slope_from_turned(
     a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
     c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
     return _small_root(b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q))
+
+
+def is_jammed(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.bool_]:
+    """Find where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps."""
+    lift, _ = _lift_and_turn(slope, mu, tip_model)
+    return np.asarray(lift <= 0.0)

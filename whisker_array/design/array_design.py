@@ -23,6 +23,7 @@ from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, describe_directions, measured_plans
+from whisker_array.design.search import sides_mm
 from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, WhiskerArray, default_plan
 from whisker_array.whisker.comb import Body, Comb, body_of, least_rows, least_stagger_mm
 from whisker_array.whisker.defaults import default_whisker
@@ -74,11 +75,6 @@ class ArrayChoice(OneLine):
         return self.plan.scan_time_s
 
 
-def ribbon_mm(whisker: LShaped) -> float:
-    """Width of a whisker's ribbon, mm."""
-    return 2.0 * whisker.segments()[0].section_at(0.0).c_lateral_mm
-
-
 @cache
 def _stagger_mm(body: Body, rows: int, step_mm: float) -> float:
     # any two of the rows that `least_rows` takes overlap sideways
@@ -88,7 +84,7 @@ def _stagger_mm(body: Body, rows: int, step_mm: float) -> float:
 def _builds(request: ArrayRequest) -> Iterator[tuple[LShaped, Body]]:
     h = request.character_height_mm
     usual, touch = default_whisker(h), default_touch(h)
-    thick = 2.0 * usual.segments()[0].section_at(0.0).c_vertical_mm
+    thick, _ = sides_mm(usual)
     for width in WIDTHS_THICKNESSES:
         for beta in BETAS_DEG:
             section = Rectangle(thickness_mm=thick, width_mm=width * thick)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +37,13 @@ class Checked(OneLine):
     """A whisker in use compared with a request and limits, with all values as arrays for a search."""
 
     contrast: Values
-    values: Mapping[Bound, Values]
-    limits: Mapping[Bound, tuple[float, bool]] = field(repr=False)
+    # values, their limit, and whether it is the greatest allowed or the least
+    table: Mapping[Bound, tuple[Values, float, bool]]
 
     def reserve(self) -> dict[Bound, Values]:
         """ln(limit / value) or ln(value / limit): positive if the limit is kept, linear far below a lower limit."""
         out = {}
-        for bound, value in self.values.items():
-            limit, at_most = self.limits[bound]
+        for bound, (value, limit, at_most) in self.table.items():
             share = value / limit
             out[bound] = -np.log(np.maximum(share, 1e-12)) if at_most else _log_or_line(share)
         return out
@@ -52,8 +51,7 @@ class Checked(OneLine):
     def rows(self) -> tuple[Constraint, ...]:
         return tuple(
             Constraint(bound, float(value.max() if at_most else value.min()), limit, at_most)
-            for bound, value in self.values.items()
-            for limit, at_most in (self.limits[bound],)
+            for bound, (value, limit, at_most) in self.table.items()
         )
 
 
@@ -167,13 +165,12 @@ def check(
     linear_error: float | None = None,
     error_scale: float = 1.0,
     n_mu: int = 5,
-    n_alpha: int = 1,
 ) -> Checked:
     """Check one whisker in one use against all limits.
 
     All bounds are monotone in slope and friction, so it is enough to check the corners of the ranges (eq. (16) is a
-    linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast is monotone in slope, but not in friction.
-    `linear_error` is by default its first order times `error_scale`; `n_alpha` 1 is the gentlest slope only.
+    linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast, too, is least on the gentlest slope,
+    but not monotone in friction. `linear_error` is by default its first order times `error_scale`.
     """
     low, high = request.alpha_rad
     mus = np.array(request.mu)
@@ -181,12 +178,11 @@ def check(
     force, share = normal_forces_n(whisker, preload_mm=preload_mm, alpha_rad=corners, mu=mus)
     with np.errstate(invalid="ignore"):
         stress = bending_stress_mpa(whisker, force, alpha_rad=corners, mu=mus)
-    slopes = np.linspace(low, high, n_alpha)
     contrast, _ = edge_steps(
         whisker,
         preload_mm=preload_mm,
         depth_mm=request.depth_mm,
-        alpha_rad=np.concatenate([slopes, -slopes]),
+        alpha_rad=np.array([low, -low]),
         mu=np.linspace(*request.mu, n_mu),
     )
     tip = _tip(whisker)
@@ -227,7 +223,9 @@ def check(
     if isinstance(section, Rectangle):
         table[Bound.WIDTH] = (section.width_mm, limits.width_heights * request.character_height_mm, True)
     return Checked(
-        contrast=contrast,
-        values={bound: np.ravel(np.asarray(row[0], dtype=np.float64)) for bound, row in table.items()},
-        limits={bound: (row[1], row[2]) for bound, row in table.items()},
+        contrast,
+        {
+            bound: (np.ravel(np.asarray(value, dtype=np.float64)), limit, at_most)
+            for bound, (value, limit, at_most) in table.items()
+        },
     )

@@ -158,20 +158,18 @@ def design_whisker(
         )
     if least > allowed:
         kinds = ("ribbon",)
-    candidates = [c for kind in kinds if (c := _search(Problem(request, limits, kind), seed)) is not None]
+    problems = (Problem(request, limits, kind) for kind in kinds)
+    candidates = [c for each in problems if (c := search(each, n_starts=_STARTS, seed=seed)) is not None]
     if not candidates:
         failed = Problem(request, limits, kinds[0])
         nearest, bounds = conflict(failed, list(starts(failed, n=3, rng=np.random.default_rng(seed))))
         raise NoWhiskerError(failed, nearest, bounds)
-    problem, candidate = max(candidates, key=lambda pair: pair[1].worth)
-    return describe_design(
-        candidate.whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm
-    )
+    return describe_design(*max(candidates, key=lambda pair: pair[1].worth))
 
 
-def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
-    rng = np.random.default_rng(seed)
-    candidate = best(problem, starts(problem, n=_STARTS, rng=rng))
+def search(problem: Problem, *, n_starts: int, seed: int) -> tuple[Problem, Candidate] | None:
+    """Find the best whisker whose linear beam agrees with the elastica within the limit; None if there is none."""
+    candidate = best(problem, starts(problem, n=n_starts, rng=np.random.default_rng(seed)))
     return None if candidate is None else fit_to_elastica(problem, candidate)
 
 
@@ -183,7 +181,7 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
         trial = round_candidate(candidate, problem)
         exact = land_linear_error(trial.whisker, problem.request, preload_mm=trial.preload_mm)
         checked = check(trial.whisker, problem.request, problem.limits, preload_mm=trial.preload_mm)
-        first_order = float(checked.values[Bound.LINEAR_BEAM].max())
+        first_order = float(checked.table[Bound.LINEAR_BEAM][0].max())
         if (
             exact <= limit
             and trial.reserve > 0.0
@@ -203,8 +201,10 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
     return best_trial
 
 
-def describe_design(whisker: LShaped, request: Request, *, limits: Limits, preload_mm: float) -> Design:
+def describe_design(problem: Problem, candidate: Candidate) -> Design:
     """Describe a whisker in one use, even if it violates limits. Raises DesignError if it jams."""
+    request, limits = problem.request, problem.limits
+    whisker, preload_mm = candidate.whisker, candidate.preload_mm
     worst, factor_range = worst_edge(whisker, request, preload_mm=preload_mm)
     error = land_linear_error(whisker, request, preload_mm=preload_mm)
     checked = check(whisker, request, limits, preload_mm=preload_mm, linear_error=error)

@@ -80,7 +80,7 @@ class Problem(OneLine):
 
     def encode(self, candidate: Candidate) -> Values:
         w = candidate.whisker
-        t, width = _sides(w)
+        t, width = sides_mm(w)
         axis = (w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm) / w.l1_mm
         logs = [math.log(v) for v in (w.l1_mm, w.k, t, width / t, candidate.preload_mm)]
         x = np.array([logs[0], logs[1], w.beta_rad, axis, *logs[2:]])
@@ -100,7 +100,8 @@ class Problem(OneLine):
         return Candidate(whisker, preload_mm, float(worth.min()), least)
 
 
-def _sides(whisker: LShaped) -> tuple[float, float]:
+def sides_mm(whisker: LShaped) -> tuple[float, float]:
+    """Thickness and width of a whisker, mm; both are the diameter of a wire."""
     section = whisker.segments()[0].section_at(0.0)
     return 2.0 * section.c_vertical_mm, 2.0 * section.c_lateral_mm
 
@@ -112,7 +113,7 @@ def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
         return float(f"{value:.5g}")
 
     w = candidate.whisker
-    t, width = (five(v) for v in _sides(w))
+    t, width = (five(v) for v in sides_mm(w))
     section = Rectangle(t, width) if isinstance(w.section, Rectangle) else Round(t)
     whisker = LShaped(five(w.l1_mm), five(w.l2_mm), five(w.lowered_mm), five(w.beta_rad), section, w.material)
     return problem.rate(whisker, five(candidate.preload_mm))
@@ -218,9 +219,7 @@ def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -
     for _ in range(rounds):
         again = climb(problem, problem.encode(candidate))
         done = _is_feasible(candidate) and again.worth < candidate.worth * (1.0 + _GAIN)
-        if (
-            _is_feasible(again) and (not _is_feasible(candidate) or again.worth > candidate.worth)
-        ) or not _is_feasible(candidate):
+        if not _is_feasible(candidate) or (_is_feasible(again) and again.worth > candidate.worth):
             candidate = again
         if done:
             break

@@ -61,7 +61,7 @@ def _trade_off(
 ) -> TradeOff:
     kind: SectionKind = "ribbon" if isinstance(design.whisker.section, Rectangle) else "round"
     first_order = check(design.whisker, design.request, design.limits, preload_mm=design.preload_mm)
-    scale = design.linear_error / float(first_order.values[Bound.LINEAR_BEAM].max())
+    scale = design.linear_error / float(first_order.table[Bound.LINEAR_BEAM][0].max())
     here = Candidate(design.whisker, design.preload_mm, design.contrast, 0.0)
     ordered = sorted(set(factors))
     reached: dict[float, float] = {}

@@ -25,9 +25,9 @@ import numpy as np
 
 from glyphs.surface.display import OneLine
 from whisker_array.design.checks import Values, edge_steps
-from whisker_array.design.design import SEED, Design, describe_design, fit_to_elastica
+from whisker_array.design.design import SEED, Design, describe_design, search
 from whisker_array.design.limits import DesignError, Limits, Request
-from whisker_array.design.search import Problem, SectionKind, best, starts
+from whisker_array.design.search import Problem, SectionKind
 from whisker_array.whisker.shapes import LShaped
 
 NEIGHBOUR_RAD = math.radians(10.0)
@@ -150,8 +150,7 @@ def _tune_kind(
     kind: Kind, alpha_rad: float, request: Request, limits: Limits, section: SectionKind, seed: int
 ) -> Tuned:
     problem = _problem(kind, alpha_rad, request, limits, section)
-    candidate = best(problem, starts(problem, n=_STARTS, rng=np.random.default_rng(seed)))
-    done = None if candidate is None else fit_to_elastica(problem, candidate)
+    done = search(problem, n_starts=_STARTS, seed=seed)
     if done is None:
         raise DesignError(
             f"no {kind.value} at {math.degrees(alpha_rad):g} degrees within the limits",
@@ -174,9 +173,7 @@ def _tune_kind(
     return Tuned(
         kind=kind,
         alpha_rad=alpha_rad,
-        design=describe_design(
-            whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm
-        ),
+        design=describe_design(problem, candidate),
         selectivity=float(np.abs(fine[1:] - fine[0]).min()),
         table_deg=_TABLE_DEG,
         table_mu=mus,

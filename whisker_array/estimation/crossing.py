@@ -41,7 +41,13 @@ def fill_from_crossing(
         crossing = [layer_of[d] for d in other]
         sure = measured[crossing[0]] & measured[crossing[1]]
         try:
-            height = _height_mm([layers[k] for k in crossing], other, sure, touch, pitch_mm)
+            edges = EdgeMap(
+                enhancement=np.stack([np.where(sure, layers[k], 0.0) for k in crossing]).astype(np.float32),
+                directions=other,
+                valid=sure,
+                pitch_mm=pitch_mm,
+            )
+            height = relief_from_edges(edges, touch).height_mm.astype(np.float64)
         except MarksError:
             continue
         slope = np.gradient(height, pitch_mm, axis=1 - axis)
@@ -52,18 +58,6 @@ def fill_from_crossing(
             layers[k] = np.where(take, expected, layers[k])
             known[k] = known[k] | take
     return layers, known
-
-
-def _height_mm(
-    layers: list[Layer], directions: tuple[TraceDirection, ...], sure: Mask, touch: Touch, pitch_mm: float
-) -> Layer:
-    edges = EdgeMap(
-        enhancement=np.stack([np.where(sure, layer, 0.0) for layer in layers]).astype(np.float32),
-        directions=directions,
-        valid=sure,
-        pitch_mm=pitch_mm,
-    )
-    return relief_from_edges(edges, touch).height_mm.astype(np.float64)
 
 
 def _expected_factor(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:

@@ -22,15 +22,7 @@ from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 
-UNUSABLE = np.uint8(
-    SampleFlag.CONTACT_LOST
-    | SampleFlag.JAMMED
-    | SampleFlag.OUT_OF_RANGE
-    | SampleFlag.OUTSIDE
-    | SampleFlag.DROPOUT
-    | SampleFlag.NOT_CONVERGED
-    | SampleFlag.FAULTY
-)
+UNUSABLE = np.uint8(0xFF & ~SampleFlag.SATURATED)
 
 
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
@@ -51,8 +43,7 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
     air = sweep.air_n_mm
     if scan.calibration is not None:
         raw = apply_calibration(raw, scan.calibration)
-        if air.shape[2]:
-            air = apply_calibration(air, scan.calibration)
+        air = apply_calibration(air, scan.calibration)
     return raw, np.median(air, axis=2).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
 
 
@@ -60,9 +51,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in. Raises MapError."""
     raw, offset = _signal(scan, sweep)
     shape, lead = raw.shape, sweep.plan.n_lead
-    order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
-    place = sweep.plan.line_mm.ravel()[order]
-    whisker = np.tile(np.arange(shape[1]), shape[0])[order]
+    order, whisker, place = sweep.plan.lines_in_order()
     within, flags = slice(lead, max(shape[2] - lead, lead)), sweep.flags.reshape(-1, shape[2])[order]
     lines = raw.reshape(-1, shape[2])[order, within].astype(np.float64) - offset.ravel()[order, None]
     lines[(flags[:, within] & UNUSABLE) != 0] = np.nan
@@ -118,11 +107,8 @@ def edge_map(
             layers, known, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm
         )
     valid = np.logical_and.reduce(known)
-    stack = np.zeros((len(layers), *valid.shape), dtype=np.float32)
-    for into, layer in zip(stack, layers, strict=True):
-        np.copyto(into, layer, casting="same_kind", where=valid)
     return EdgeMap(
-        enhancement=stack,
+        enhancement=np.where(valid, layers, 0.0).astype(np.float32),
         directions=scan.directions,
         valid=valid,
         pitch_mm=grid.pitch_mm,

@@ -46,6 +46,11 @@ def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
     return bool(np.isfinite(leaning) and abs(leaning - level) <= tolerance * abs(level))
 
 
+def _require_differentiator(tip: TipModel, why: str) -> None:
+    if is_profiler(tip):
+        raise WhiskerError(f"a profiler {why}", hint="take an L-shaped whisker with l3 = l2")
+
+
 def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
     """Lift d0 + h of the tip, mm, from a profiler's moment. Raises WhiskerError for any other whisker."""
     if not is_profiler(tip):
@@ -59,10 +64,7 @@ def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) 
     m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta); rad, NaN without a solution. Raises
     WhiskerError for a profiler, whose moment does not depend on the lean.
     """
-    if is_profiler(tip):
-        raise WhiskerError(
-            "a profiler does not measure the slope", hint="take an L-shaped whisker with l3 = l2"
-        )
+    _require_differentiator(tip, "does not measure the slope")
     m, lift = np.asarray(moment_n_mm, dtype=np.float64), np.asarray(lift_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -89,10 +91,7 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
     q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu). NaN where no friction
     fits. Raises WhiskerError for a profiler, whose moment is the same both ways.
     """
-    if is_profiler(tip):
-        raise WhiskerError(
-            "a profiler measures the same both ways", hint="take an L-shaped whisker with l3 = l2"
-        )
+    _require_differentiator(tip, "measures the same both ways")
     with np.errstate(divide="ignore", invalid="ignore"):
         q = np.asarray(dragged_n_mm, dtype=np.float64) / np.asarray(pushed_n_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm

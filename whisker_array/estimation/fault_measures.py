@@ -11,6 +11,7 @@ changes come from the bench.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -44,11 +45,11 @@ class SweepShares(OneLine):
     @cached_property
     def lines(self) -> tuple[Floats, NDArray[np.intp], Floats]:
         """Usable lines without lead-in and lead-out, in order across the plate; whisker and position of each."""
-        (passes, whiskers, samples), lead = self.share.shape, self.plan.n_lead
-        traced = self.share.reshape(-1, samples)[:, lead : samples - lead]
-        order = np.argsort(self.plan.line_mm, axis=None, kind="stable")
-        order = order[np.isfinite(traced).mean(axis=1)[order] > 0.5]
-        return traced[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
+        samples, lead = self.share.shape[2], self.plan.n_lead
+        order, whisker, place = self.plan.lines_in_order()
+        traced = self.share.reshape(-1, samples)[order, lead : samples - lead]
+        usable = np.isfinite(traced).mean(axis=1) > 0.5
+        return traced[usable], whisker[usable], place[usable]
 
     @cached_property
     def levels(self) -> Floats:
@@ -77,26 +78,23 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
             air /= scan.calibration.gain[:, None]
         air = air - quantile_of_known(air)[..., None]
         level = np.nan_to_num(quantile_of_known(quantile_of_known(share).T))
-        # most recordings are in step: only then are all lifted samples compared
+        # the stage's phase changes a sample or more beside the signal: its step is common to all whiskers and no noise;
+        # most recordings are in step, and only in others are all lifted samples compared
         if air.shape[2] and _touches(air[..., [0, -1]], level).any():
-            air = np.where(_touching_at_ends(air, level)[:, None], np.nan, air)
+            air = np.where(at_ends(_touches(air, level))[:, None], np.nan, air)
         plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
         of_sweeps.append(SweepShares(plan, share, air, across))
     return of_sweeps
 
 
-def _touching_at_ends(air: Floats, level: Floats) -> Mask:
-    """(passes, samples) lifted samples at either end of their stretch at which the whiskers touch, level (whiskers,).
-
-    The stage's phase changes a sample or more beside the signal: its step is common to all whiskers and no noise.
-    """
-    touching = _touches(air, level)
-    begins = np.logical_and.accumulate(touching, axis=1)
-    ends = np.logical_and.accumulate(touching[:, ::-1], axis=1)[:, ::-1]
-    return np.asarray(begins | ends)
+def at_ends(mask: Mask) -> Mask:
+    """Where a mask holds up to either end of its last axis."""
+    ends = np.logical_and.accumulate(mask[..., ::-1], axis=-1)[..., ::-1]
+    return np.asarray(np.logical_and.accumulate(mask, axis=-1) | ends)
 
 
 def _touches(air: Floats, level: Floats, *, least: float = 0.2) -> Mask:
+    """(passes, samples) lifted samples at which the whiskers touch; level (whiskers,)."""
     reached = np.einsum("pws,w->ps", np.nan_to_num(air), level)
     return np.asarray(reached > least * max(float(level @ level), 1e-30))
 
@@ -115,8 +113,6 @@ def saturated(
     low = np.fmin.reduce([np.fmin.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     high = np.fmax.reduce([np.fmax.reduce(v, axis=(0, 2)) for v in values]).reshape(shape)
     runs = [_in_runs(v, run) for v in values]
-    if not any(r.any() for r in runs):
-        return runs
     ends = [(v == low) | (v == high) for v in values]
     clipped = [r & e for r, e in zip(runs, ends, strict=True)]
 
@@ -147,28 +143,25 @@ def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Flo
     last = np.maximum(known - 1, 0)
     below = (q * last).astype(np.intp)
     above = np.minimum(below + 1, last)
-    if known.size and known.min() == known.max():
-        ranks = below.flat[0], above.flat[0]
-        low, high = np.moveaxis(np.partition(values, ranks, axis=-1)[..., ranks], -1, 0)
-    else:
-        ordered = np.sort(values, axis=-1)
-        low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
+    ordered = np.sort(values, axis=-1)
+    low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
     return np.where(known >= fewest, low + (q * last - below) * (high - low), np.nan)
+
+
+def by_whisker(stacks: Sequence[Floats]) -> list[Floats]:
+    """All values of each whisker from stacks (passes, whiskers, samples)."""
+    return [np.concatenate([stack[:, w].ravel() for stack in stacks]) for w in range(stacks[0].shape[1])]
 
 
 def levels(shares: list[SweepShares], *, fewest: int = 200) -> Floats:
     """(whiskers,) median of all samples of a whisker; NaN with too few samples on the part."""
-    each = (np.concatenate([f.share[:, w].ravel() for f in shares]) for w in range(shares[0].share.shape[1]))
-    return np.array([quantile_of_known(values, fewest=fewest) for values in each])
+    return np.array([quantile_of_known(v, fewest=fewest) for v in by_whisker([f.share for f in shares])])
 
 
 def noises(stacks: list[Floats], *, fewest: int = 200) -> Floats:
     """(whiskers,) rms innovation of samples (passes, whiskers, samples); NaN where there are too few."""
-    medians = []
-    for w in range(stacks[0].shape[1]):
-        changes = np.concatenate([np.diff(stack[:, w], n=2).ravel() for stack in stacks])
-        medians.append(quantile_of_known(np.abs(changes), fewest=fewest))
-    return np.asarray(MAD * np.array(medians) / np.sqrt(6.0))
+    changes = by_whisker([np.abs(np.diff(stack, n=2)) for stack in stacks])
+    return np.asarray(MAD * np.array([quantile_of_known(v, fewest=fewest) for v in changes]) / np.sqrt(6.0))
 
 
 def level_steps(shares: list[SweepShares]) -> Floats:
@@ -308,20 +301,13 @@ def strongest_tone(
     return max(tones)
 
 
-def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Floats:
-    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    median: Floats = np.maximum(np.minimum(e, low), np.minimum(np.maximum(e, low), high))
-    return median
-
-
 def spikes(f: SweepShares, *, least: float) -> Mask:
     """Mask (passes, whiskers, samples) of single samples that stand out by `least` (land: 1) from all beside them."""
     from scipy.ndimage import maximum_filter1d
 
     x = f.share
     seen = np.zeros(x.shape)
-    middle = _median_of_five(*(x[..., k : x.shape[2] - 4 + k] for k in range(5)))
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(x, 5, axis=2), axis=-1)
     seen[..., 2:-2] = np.abs(np.nan_to_num(x[..., 2:-2] - middle))
     alone = seen > least
     if len(x) > 1:

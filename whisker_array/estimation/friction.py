@@ -71,11 +71,8 @@ def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     within = slice(sweep.plan.n_lead, sweep.plan.n_samples - sweep.plan.n_lead)
     moment = usable_moments(scan, sweep)[:, columns, within]
-    lines = moment.reshape(-1, moment.shape[2])
-    place = sweep.plan.line_mm[:, columns].ravel()
-    whisker = np.tile(np.arange(columns.size), moment.shape[0])
-    order = np.argsort(place, kind="stable")
-    lines, place, whisker = lines[order], place[order], whisker[order]
+    order, whisker, place = sweep.plan.of(columns).lines_in_order()
+    lines = moment.reshape(-1, moment.shape[2])[order]
     if sweep.plan.direction.backward:
         lines = lines[:, ::-1]
     # land is estimated per whisker, because gains differ, and from dragged sweeps, because pushed ones may jam

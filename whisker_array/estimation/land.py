@@ -37,19 +37,17 @@ def land_surface(coefficients: NDArray[np.float64], shape: tuple[int, ...]) -> N
     return quadratic(coefficients, np.linspace(-1.0, 1.0, shape[1]), np.linspace(-1.0, 1.0, shape[0]))
 
 
-def land_coefficients(
-    moment: NDArray[np.float64], *, share: float = 0.35, cut: float = 0.05, damping: float = 1e-9
-) -> NDArray[np.float64]:
+def land_coefficients(moment: NDArray[np.float64], *, cut: float = 0.05) -> NDArray[np.float64]:
     """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
     The fit starts flat at the most common level, or tilted by the levels of lines and columns, so that a tilt of many
     times the mark's depth does no harm; it is then tightened, until samples further than the share `cut` from the land
-    have no weight (marks differ by 10 % or more). `damping` is as in `fit_quadratic`.
+    have no weight (marks differ by 10 % or more).
 
     Returns (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
     """
     lines, samples = moment.shape
-    level = float(shorth(moment.reshape(1, -1), share=share)[0])
+    level = float(shorth(moment.reshape(1, -1))[0])
     if level == 0.0:
         return np.zeros(6)  # there is no land to fit
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
@@ -58,20 +56,18 @@ def land_coefficients(
     cuts = np.array([0.2, 0.1, 0.07, cut, cut]) * abs(level)
     best, most = np.zeros(6), -1.0
     # keep the start that explains more samples
-    for start in (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level, share)):
-        quadratic_fit, explained = fit_quadratic(
-            thin, u, v, start=start, level=level, cuts=cuts, damping=damping
-        )
+    for start in (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level)):
+        quadratic_fit, explained = fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts)
         if explained > most + 1e-9:
             best, most = quadratic_fit, explained
     return best
 
 
 def _tilted_start(
-    thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float, share: float
+    thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float
 ) -> NDArray[np.float64]:
     coefficients = np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
-    for linear, axis, levels in ((1, u, shorth(thin.T, share=share)), (2, v, shorth(thin, share=share))):
+    for linear, axis, levels in ((1, u, shorth(thin.T)), (2, v, shorth(thin))):
         known = np.isfinite(levels)
         if known.sum() < 8:
             continue
@@ -95,14 +91,12 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
         return np.ones(whisker.size)
     # only the steps across the borders and beside them are needed
     needed = np.unique(np.clip(border[:, None] + np.array([-1, 0, 1]), 0, whisker.size - 2))
-    known = np.zeros(whisker.size - 1, dtype=np.bool_)
-    middle = np.zeros(whisker.size - 1)
-    middle[needed], known[needed] = _log_step(lines, needed)
+    middle = np.full(whisker.size - 1, np.nan)
+    middle[needed] = _log_step(lines, needed)
+    known = np.isfinite(middle)
     index = np.searchsorted(names, whisker)
     steps = []
-    for i in border:
-        if not known[i]:
-            continue
+    for i in border[known[border]]:
         beside = [
             j for j in (i - 1, i + 1) if 0 <= j < known.size and known[j] and whisker[j] == whisker[j + 1]
         ]
@@ -124,16 +118,14 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
     return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0])
 
 
-def _log_step(
-    lines: NDArray[np.float64], first: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _log_step(lines: NDArray[np.float64], first: NDArray[np.int64]) -> NDArray[np.float64]:
     with np.errstate(invalid="ignore", divide="ignore"):
         step = np.log(np.abs(lines[first + 1] / lines[first]))
     step[np.isinf(step)] = np.nan
     known = np.isfinite(step).sum(axis=1) >= 20
-    middle = np.zeros(first.size)
+    middle = np.full(first.size, np.nan)
     middle[known] = np.nanmedian(step[known], axis=1)
-    return middle, known
+    return middle
 
 
 def remove_drift(

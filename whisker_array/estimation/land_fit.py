@@ -44,7 +44,7 @@ PAIRS = POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V
 
 
 def fit_quadratic(
-    target: Floats, u: Floats, v: Floats, *, start: Floats, level: float, cuts: Floats, damping: float
+    target: Floats, u: Floats, v: Floats, *, start: Floats, level: float, cuts: Floats, damping: float = 1e-9
 ) -> tuple[Floats, float]:
     """Fit c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 robustly from a start, one round per cut; NaN are ignored.
 

@@ -28,13 +28,13 @@ from whisker_array.estimation.relief import (
     STEEPEST,
     Relief,
     Route,
-    mean_of_known,
     move_to_tips,
     relief_from_edges,
 )
 from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.contact import land_lag_mm
+from whisker_array.simulation.regrid import mean_of_known
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import Touch
 
@@ -81,8 +81,8 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
     shift = play_between(slopes_of)
     # the height is from dragged sweeps, because a pushed tip jams sooner on a steep wall
     dragged = [_map(v.lift, grid, shift) for v in views if v.friction_sign > 0.0]
-    height = mean_of_known(dragged) - profiles_of.touch.preload_mm
-    slopes: list[Lines | None] = [None, None]
+    height = mean_of_known(np.stack(dragged), axis=0) - profiles_of.touch.preload_mm
+    slopes: dict[int, NDArray[np.float32]] = {}
     frictions = []
     for axis, along_x in enumerate((True, False)):
         chosen = [v for v in views if v.lift.direction.along_x is along_x]
@@ -97,20 +97,19 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
             for v, lean in zip(chosen, leans, strict=True)
         ]
         tau, phi = _solve(chosen, leans, phi_land)
-        slopes[axis] = np.clip(np.tan(tau), -STEEPEST, STEEPEST)
+        slopes[axis] = np.clip(np.tan(tau), -STEEPEST, STEEPEST).astype(np.float32)
         if known is not None and np.isfinite(phi).any():
             frictions.append(np.tan(phi))
-    slope_x, slope_y = (None if s is None else s.astype(np.float32) for s in slopes)
     return Relief(
         height_mm=height.astype(np.float32),
-        slope_x=slope_x,
-        slope_y=slope_y,
+        slope_x=slopes.get(0),
+        slope_y=slopes.get(1),
         pitch_mm=grid.pitch_mm,
         origin_mm=grid.origin_mm,
         friction=mu,
         friction_sd=known.sd if known else None,
         route=Route.PROFILED,
-        friction_map=mean_of_known(frictions).astype(np.float32) if frictions else None,
+        friction_map=mean_of_known(np.stack(frictions), axis=0).astype(np.float32) if frictions else None,
     )
 
 

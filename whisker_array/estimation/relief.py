@@ -11,7 +11,6 @@ Each position on a line is traced in up to four ways, all of which depend on the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -156,15 +155,6 @@ def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
         moved = (rows, cols - pixels) if direction.along_x else (rows - pixels, cols)
         layers.append(map_coordinates(layer.astype(np.float64), moved, order=1, mode="nearest"))
     return replace(edges, enhancement=np.stack(layers).astype(np.float32))
-
-
-def mean_of_known(lifts: Sequence[Layer]) -> Layer:
-    """Mean of the known values at each pixel; NaN if none is known."""
-    stack = np.stack(lifts)
-    known = np.isfinite(stack)
-    count = known.sum(axis=0)
-    total = np.where(known, stack, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def _relief(

@@ -23,6 +23,8 @@ from whisker_array.estimation.fault_measures import (
     Floats,
     Mask,
     SweepShares,
+    at_ends,
+    by_whisker,
     noises,
     quantile_of_known,
     sweep_shares,
@@ -57,16 +59,14 @@ def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
     masks = []
     for f, quiet in zip(shares, silent, strict=True):
         whole = quiet.all(axis=2)
-        ends = np.logical_and.accumulate(quiet, axis=2)
-        ends |= np.logical_and.accumulate(quiet[..., ::-1], axis=2)[..., ::-1]
-        order = np.argsort(f.plan.line_mm, axis=None, kind="stable")
+        order, _, _ = f.plan.lines_in_order()
         outer = np.zeros(whole.size, dtype=np.bool_)
         for lines in (order, order[::-1]):
             run = lines[np.logical_and.accumulate(whole.ravel()[lines])]
             whiskers = np.unique(run % whole.shape[1])
             if alive[whiskers].any() or (whiskers.size > 1 and alive.any()):
                 outer[run] = True
-        masks.append(ends & (outer.reshape(whole.shape) | ~whole)[..., None])
+        masks.append(at_ends(quiet) & (outer.reshape(whole.shape) | ~whole)[..., None])
     return masks
 
 
@@ -323,10 +323,9 @@ def best_order(
 
 
 def _borders(f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: float, cut: float) -> _Borders:
-    line_mm = f.plan.line_mm
-    order = np.argsort(line_mm, axis=None, kind="stable")
-    row, whisker = np.divmod(order, line_mm.shape[1])
-    near = np.diff(line_mm.ravel()[order]) < 2.0 * line_pitch_mm
+    order, whisker, place = f.plan.lines_in_order()
+    row = order // level.size
+    near = np.diff(place) < 2.0 * line_pitch_mm
     neighbours = np.flatnonzero(near & (whisker[1:] != whisker[:-1]))
     height = np.where(beyond, -cut, np.clip(f.share / level[:, None] - 1.0, -cut, cut))
     height[~np.isfinite(f.share)] = np.nan
@@ -377,9 +376,7 @@ def doubled_channels(
     shares: Sequence[SweepShares], *, alike: float = 0.999, fewest: int = 64
 ) -> list[tuple[int, int]]:
     """Channels, each with another that has the same noise while the array is lifted: one signal, recorded twice."""
-    changes = np.concatenate(
-        [np.diff(f.air, n=4, axis=2).swapaxes(0, 1).reshape(f.air.shape[1], -1) for f in shares], axis=1
-    )
+    changes = np.array(by_whisker([np.diff(f.air, n=4) for f in shares]))
     if changes.shape[1] < fewest:
         return []
     changes[:, np.isnan(changes).any(axis=0)] = 0.0

@@ -44,24 +44,22 @@ class Forward:
 
     def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
         """Predict gain times moment (samples,) of every trace, N mm, up to a jam. Raises WhiskerError."""
-        touch = bench.touch(self._nominal)
+        touch = replace(bench.touch(self._nominal), friction=self._setup)
         surface = self._piece.surface(touch.tip_radius_mm)
         predicted: list[NDArray[np.float64]] = []
         for _, sweep in groupby(self.traces, key=lambda trace: id(trace.plan)):
             lines = tuple(sweep)
             plan = lines[0].plan
-            moment = trace_contact(
-                surface,
-                touch.tip.pushed() if plan.pushed else touch.tip,
-                lines_mm=np.array([trace.line_mm for trace in lines]),
-                start_mm=(-1.0 if plan.direction.backward else 1.0) * plan.start_mm
-                - 0.5 * bench[Unknown.PLAY],
+            start_mm = -plan.start_mm if plan.direction.backward else plan.start_mm
+            finer = replace(
+                plan,
+                line_mm=np.array([trace.line_mm for trace in lines]),
+                start_mm=start_mm - 0.5 * bench[Unknown.PLAY],
                 step_mm=plan.step_mm / STEPS,
                 n_samples=STEPS * (plan.n_samples - 1) + 1,
-                preload_mm=touch.preload_mm,
-                nominal_friction=self._setup,
-                pose=self._piece.pose(plan.direction, bench),
-            ).moment_n_mm.astype(np.float64)
+            )
+            pose = self._piece.pose(plan.direction, bench)
+            moment = trace_contact(surface, touch, finer, pose=pose).moment_n_mm.astype(np.float64)
             moment *= bench.gain[[trace.whisker for trace in lines], None]
             most = JAM_LANDS * np.abs(np.median(moment, axis=1, keepdims=True))
             predicted += list(np.clip(moment, -most, most)[:, ::STEPS])

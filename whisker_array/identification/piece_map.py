@@ -19,8 +19,7 @@ from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.identification.bench import Bench, Unknown
 from whisker_array.identification.traces import Trace
 from whisker_array.simulation.contact import SurfacePose
-from whisker_array.simulation.dilation import dilate_by_ball
-from whisker_array.simulation.surface import TouchSurface, fields_of
+from whisker_array.simulation.surface import TouchSurface, dilated_fields
 from whisker_array.simulation.threads import in_threads
 from whisker_array.whisker.sections import WhiskerError
 
@@ -84,8 +83,8 @@ class PieceMap:
 
     def _dilated(self, step: int) -> NDArray[np.float32]:
         radius_mm = self._radius_mm * (1.0 + RADIUS_STEP) ** step
-        dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
-        return fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[..., :3]
+        none = np.zeros((1, 1), dtype=np.float32)
+        return dilated_fields(self._bare, none, pitch_mm=self._grid, radius_mm=radius_mm)[..., :3]
 
     def _surface_of(self, step: int) -> TouchSurface:
         low, high = self._dilated(step), self._dilated(step + 1)

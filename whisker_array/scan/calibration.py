@@ -36,7 +36,6 @@ class Calibration(Gauges):
 
 def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> NDArray[np.float32]:
     """The moment, N mm, from the raw signal (..., whiskers, samples). Raises SensorError for another shape."""
-    raw = np.asarray(raw)
     check_signal("raw", raw, calibration.gain.size)
     scale = (1.0 / calibration.gain).astype(np.float32)[:, None]
     offset = calibration.offset_n_mm.astype(np.float32)[:, None]

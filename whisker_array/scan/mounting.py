@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import cache
 from typing import TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.soiling.soil import Soil
-from glyphs.surface.display import OneLine
-from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError, TraceDirection
+from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
 from whisker_array.scan.stagger import to_instants, to_places
@@ -19,7 +18,6 @@ from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
 from whisker_array.simulation.surface import (
     Friction,
-    TouchSurface,
     check_friction,
     check_soil,
     orient,
@@ -32,7 +30,7 @@ from whisker_array.whisker.touch import Touch
 
 
 class VirtualBench(TypedDict, total=False):
-    """Keyword arguments of `mount` that describe surface, simulation and bench."""
+    """Keyword arguments of `Mounted` that describe surface, simulation and bench."""
 
     fidelity: Fidelity
     friction: Friction | None
@@ -42,20 +40,58 @@ class VirtualBench(TypedDict, total=False):
     rng: np.random.Generator | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Mounted(OneLine):
-    """A part's surface by radius of the tip, mm, padded in the plate frame, and its bench, which drifts."""
+class Mounted:
+    """A part on the virtual bench, its surface prepared for any number of simulated passes.
 
-    surfaces: dict[float, TouchSurface]
-    origin_mm: float
-    size_mm: tuple[float, float]
-    touches: tuple[Touch, ...]
-    fidelity: Fidelity
-    sensor: SensorChain | None
-    stage: StagePlay | None
-    rng: np.random.Generator | None
-    drift_n_mm: NDArray[np.float64]
-    _turned: dict[tuple[float, TraceDirection], TouchSurface] = field(default_factory=dict)
+    Raises MapError, or ValueError for a sensor or stage without `rng`.
+    """
+
+    def __init__(
+        self,
+        height_map: HeightMap,
+        *,
+        touches: Sequence[Touch],
+        sample_pitch_mm: float,
+        beyond_mm: float,
+        friction: Friction | None = None,
+        soil: Soil | None = None,
+        fidelity: Fidelity = Fidelity.CONTACT,
+        sensor: SensorChain | None = None,
+        stage: StagePlay | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        if rng is None and (sensor is not None or stage is not None):
+            raise ValueError(
+                "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
+            )
+        if friction is None:
+            friction = touches[0].friction if soil is None else soil.friction
+        mu = check_friction(friction, height_map.shape)
+        # pad by repeated edges for lead-in and outermost lines, then make the grid as fine as the steps
+        pad = int(np.ceil(beyond_mm / height_map.pitch_mm)) + 1
+        (width, height), (rows, cols) = height_map.size_mm, height_map.shape
+        if (rows + 2 * pad) * (cols + 2 * pad) > MAX_PIXELS:
+            raise MapError(
+                f"the map is {width:.2g} x {height:.2g} mm with samples {height_map.pitch_mm:.2g} mm apart: with the "
+                f"{beyond_mm:.2g} mm beyond its edges that the whiskers need, it exceeds {MAX_PIXELS:,} samples",
+                hint="check the unit of its lengths, or crop or thin the map",
+            )
+        padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
+        if isinstance(mu, np.ndarray):
+            mu = np.pad(mu, pad, mode="edge")
+        fitted, mu = fit_pitch(padded, mu, target_mm=sample_pitch_mm)
+        if soil is not None:
+            check_soil(soil, height_map.shape)
+            soil = fit_soil(pad_soil(soil, pad), padded, fitted, target_mm=sample_pitch_mm)
+        surfaces = {
+            radius: prepare_surface(fitted, tip_radius_mm=radius, friction=mu, soil=soil)
+            for radius in dict.fromkeys(touch.tip_radius_mm for touch in touches)
+        }
+        self._surface = cache(lambda radius, direction: orient(surfaces[radius], direction))
+        self.origin_mm, self.size_mm = -pad * height_map.pitch_mm, height_map.size_mm
+        self.touches, self.fidelity, self.sensor, self.stage, self.rng = touches, fidelity, sensor, stage, rng
+        # zeros of the whiskers, which drift
+        self.drift_n_mm = np.zeros(0 if sensor is None else sensor.n_whiskers)
 
     def feel(
         self,
@@ -67,7 +103,7 @@ class Mounted(OneLine):
         preload_mm: float | None = None,
     ) -> Sweep:
         """Simulate the raw moments of a sweep."""
-        stage, sensor, rng, touches = self.stage, self.sensor, self.rng, self.touches
+        stage, sensor, rng, touches = self.stage, self.sensor, self.rng, tuple(self.touches)
         if preload_mm is not None:
             touches = tuple(replace(touch, preload_mm=preload_mm) for touch in touches)
         ran = sweep
@@ -78,7 +114,7 @@ class Mounted(OneLine):
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
             commanded, traced = sweep.of(whiskers), ran.of(whiskers)
-            surface = self._along(touch.tip_radius_mm, sweep.direction)
+            surface = self._surface(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
                 surface,
                 traced,
@@ -88,11 +124,10 @@ class Mounted(OneLine):
                 size_mm=self.size_mm,
                 commanded=commanded,
             )
-            shape = (*traced.line_mm.shape, traced.n_samples)
-            moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
+            moment, flags = traces.moment_n_mm, traces.flags
             if stage is not None:
                 moment, flags = apply_screw_wave(moment, flags, commanded, stage)
-            air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
+            air = np.zeros((*traced.line_mm.shape, air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
                 # one kind at a time: kinds reach a position one after the other, so the base shakes them
                 # differently
@@ -114,56 +149,3 @@ class Mounted(OneLine):
             kinds.append((moment, flags, air))
         moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*kinds, strict=True))
         return Sweep(plan=sweep, moment_n_mm=moment, flags=flags, air_n_mm=air)
-
-    def _along(self, tip_radius_mm: float, direction: TraceDirection) -> TouchSurface:
-        key = (tip_radius_mm, direction)
-        if key not in self._turned:
-            self._turned[key] = orient(self.surfaces[tip_radius_mm], direction)
-        return self._turned[key]
-
-
-def mount(
-    height_map: HeightMap,
-    *,
-    touches: Sequence[Touch],
-    sample_pitch_mm: float,
-    beyond_mm: float,
-    friction: Friction | None = None,
-    soil: Soil | None = None,
-    fidelity: Fidelity = Fidelity.CONTACT,
-    sensor: SensorChain | None = None,
-    stage: StagePlay | None = None,
-    rng: np.random.Generator | None = None,
-) -> Mounted:
-    """Prepare a part for simulated scans. Raises MapError, or ValueError for a sensor or stage without `rng`."""
-    if rng is None and (sensor is not None or stage is not None):
-        raise ValueError(
-            "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
-        )
-    if friction is None:
-        friction = touches[0].friction if soil is None else soil.friction
-    mu = check_friction(friction, height_map.shape)
-    # pad by repeated edges for lead-in and outermost lines, then make the grid as fine as the steps
-    pad = int(np.ceil(beyond_mm / height_map.pitch_mm)) + 1
-    (width, height), (rows, cols) = height_map.size_mm, height_map.shape
-    if (rows + 2 * pad) * (cols + 2 * pad) > MAX_PIXELS:
-        raise MapError(
-            f"the map is {width:.2g} x {height:.2g} mm with samples {height_map.pitch_mm:.2g} mm apart: with the "
-            f"{beyond_mm:.2g} mm beyond its edges that the whiskers need, it exceeds {MAX_PIXELS:,} samples",
-            hint="check the unit of its lengths, or crop or thin the map",
-        )
-    padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
-    if isinstance(mu, np.ndarray):
-        mu = np.pad(mu, pad, mode="edge")
-    fitted, mu = fit_pitch(padded, mu, target_mm=sample_pitch_mm)
-    if soil is not None:
-        check_soil(soil, height_map.shape)
-        soil = fit_soil(pad_soil(soil, pad), padded, fitted, target_mm=sample_pitch_mm)
-    surfaces = {
-        radius: prepare_surface(fitted, tip_radius_mm=radius, friction=mu, soil=soil)
-        for radius in dict.fromkeys(touch.tip_radius_mm for touch in touches)
-    }
-    drift_n_mm = np.zeros(0 if sensor is None else sensor.n_whiskers)
-    origin_mm = -pad * height_map.pitch_mm
-    size_mm = height_map.size_mm
-    return Mounted(surfaces, origin_mm, size_mm, tuple(touches), fidelity, sensor, stage, rng, drift_n_mm)

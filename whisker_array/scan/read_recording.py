@@ -36,7 +36,6 @@ OVERLOAD = 1e29
 SPEEDS_MM_S = (0.2, 2000.0)
 """Least and greatest speed of a tracing stage; outside them positions or times are in another unit."""
 _LARGEST_TABLE = 10_000_000
-_DIRECTIONS = tuple(int(d) for d in TraceDirection)
 
 Rows = NDArray[np.intp]
 
@@ -52,7 +51,7 @@ class RecordingReader(CheckedFile):
         self._n_passes = self._direction.size
         self._lines = self.numbers("passes/line_mm", (self._n_passes, None), most=_LARGEST_TABLE)
         self._n_whiskers = self._lines.shape[1]
-        ways = np.isin(self._direction, _DIRECTIONS).all()
+        ways = np.isin(self._direction, list(TraceDirection)).all()
         self.require(ways, "/passes/direction_deg holds values other than 0, 90, 180 and 270")
         self._pushed = self.integers("passes/pushed", self._n_passes, default=0) != 0
 

@@ -14,7 +14,7 @@ from glyphs.signatures import lists_options
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.mounting import VirtualBench, mount
+from whisker_array.scan.mounting import Mounted, VirtualBench
 from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
@@ -78,7 +78,7 @@ class Scan(OneLine, Validated, error=MapError):
         return tuple(s.plan.direction for s in self.sweeps)
 
 
-@lists_options(mount, VirtualBench.__annotations__)
+@lists_options(Mounted, VirtualBench.__annotations__)
 def trace_scan(
     height_map: HeightMap,
     *,
@@ -90,7 +90,7 @@ def trace_scan(
 ) -> Scan:
     """Run the virtual array over a height map. Raises MapError or ValueError.
 
-    `bench` is as in `mount`: fidelity (pointwise formula or frictional contact), true friction (a number or a (rows,
+    `bench` is as in `Mounted`: fidelity (pointwise formula or frictional contact), true friction (a number or a (rows,
     cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft dirt of the part;
     default: none), sensor (gains, noise, converter; default: ideal), stage (play and position errors; default: ideal),
     rng (needed with a sensor or a stage).
@@ -100,7 +100,7 @@ def trace_scan(
             f"the array has {plan.array.kinds} kinds of whiskers, but {1 + len(others)} touches are given"
         )
     touches = (touch, *others)
-    part = mount(
+    part = Mounted(
         height_map,
         touches=touches,
         sample_pitch_mm=plan.sample_pitch_mm,

@@ -139,11 +139,8 @@ def convert(
     counts = signal_n_mm.astype(exact)
     counts *= exact(1.0 / step)
     np.rint(counts, out=counts)
-    if counts.size and counts.min() >= -half and counts.max() <= half - 1.0:  # False with NaN
-        saturated = np.zeros(counts.shape, dtype=np.bool_)
-    else:
-        saturated = (counts < -half) | (counts > half - 1.0)
-        np.clip(counts, -half, half - 1.0, out=counts)
+    saturated = (counts < -half) | (counts > half - 1.0)
+    np.clip(counts, -half, half - 1.0, out=counts)
     counts *= exact(step)
     return counts.astype(np.float32, copy=False), saturated
 

@@ -10,7 +10,7 @@ The stage may fail between two passes: `feel` raises a `StageError`, and earlier
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import WhiskerArray
-from whisker_array.whisker.passes import Pass, SweepPlan
+from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
 
 Part = TypeVar("Part", contravariant=True)
@@ -94,15 +94,12 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
         around = ((0, 0), (0, 0), (before, after))
         moment.append(np.pad(sweep.moment_n_mm, around))
         flags.append(np.pad(padded, around, constant_values=outside))
-    plan = SweepPlan(
-        direction=first.direction,
+    plan = replace(
+        first,
         line_mm=np.concatenate([s.plan.line_mm for s in sweeps]),
         start_mm=first.start_mm + sign * first.step_mm * earliest,
-        step_mm=first.step_mm,
         n_samples=n,
         n_lead=min(s.plan.n_lead for s in sweeps),
-        pushed=first.pushed,
-        offset_mm=first.offset_mm,
     )
     return Sweep(
         plan=plan,

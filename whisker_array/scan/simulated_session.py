@@ -9,7 +9,7 @@ import numpy as np
 from glyphs.signatures import lists_options
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
-from whisker_array.scan.mounting import Mounted, VirtualBench, mount
+from whisker_array.scan.mounting import Mounted, VirtualBench
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
@@ -39,7 +39,7 @@ def bench_calibration(
 class SimulatedSession:
     """A `StageSession` over a height map, its stage seconds counted. Raises MapError or ValueError."""
 
-    @lists_options(mount, VirtualBench.__annotations__)
+    @lists_options(Mounted, VirtualBench.__annotations__)
     def __init__(
         self,
         height_map: HeightMap,
@@ -52,7 +52,7 @@ class SimulatedSession:
         part_id: str = "",
         **bench: Unpack[VirtualBench],
     ) -> None:
-        part = mount(
+        part = Mounted(
             height_map,
             touches=(touch,),
             sample_pitch_mm=sample_pitch_mm,

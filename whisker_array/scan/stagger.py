@@ -19,10 +19,7 @@ def to_instants(
 ) -> NDArray[Any]:
     """Convert (passes, whiskers, samples) from position to time; `outside` fills before and after a row's samples."""
     n = by_position.shape[2]
-    late = int(behind.max(initial=0))
-    if not late:
-        return by_position
-    place = np.arange(n + late) - behind[:, None]
+    place = np.arange(n + int(behind.max(initial=0))) - behind[:, None]
     out = np.take_along_axis(by_position, np.clip(place, 0, n - 1)[None], axis=2)
     if outside is not None:
         out[:, (place < 0) | (place >= n)] = outside

@@ -27,7 +27,6 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
 from glyphs.ranges import require_positive
@@ -36,8 +35,10 @@ from whisker_array.simulation.contact_kernel import ABREAST, trace_abreast
 from whisker_array.simulation.surface import TouchSurface
 from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import Traces
+from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
+from whisker_array.whisker.touch import Touch
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,23 +70,18 @@ def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
 
 
 def trace_contact(
-    surface: TouchSurface,
-    tip: TipModel,
-    *,
-    lines_mm: NDArray[np.float64],
-    start_mm: float,
-    step_mm: float,
-    n_samples: int,
-    preload_mm: float,
-    nominal_friction: float,
-    pose: SurfacePose | None = None,
+    surface: TouchSurface, touch: Touch, plan: SweepPlan, *, pose: SurfacePose | None = None
 ) -> Traces:
-    """Trace parallel lines (lines,) over an oriented surface, each whisker from rest. Raises WhiskerError."""
-    require_positive(WhiskerError, preload_mm=preload_mm, step_mm=step_mm)
-    lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
-    moment = np.empty((lines.size, n_samples), dtype=np.float32)
-    flags = np.empty((lines.size, n_samples), dtype=np.uint8)
-    lag = land_lag_mm(tip, preload_mm=preload_mm, friction=nominal_friction)
+    """Trace the lines of a plan in the trace frame of an oriented surface, each whisker from rest.
+
+    The friction of the touch is the nominal one, which sets only `land_lag_mm`. Raises WhiskerError.
+    """
+    require_positive(WhiskerError, step_mm=plan.step_mm)
+    tip = touch.tip.pushed() if plan.pushed else touch.tip
+    lines = np.ravel(np.asarray(plan.line_mm, dtype=np.float64))
+    moment = np.empty((lines.size, plan.n_samples), dtype=np.float32)
+    flags = np.empty(moment.shape, dtype=np.uint8)
+    lag = land_lag_mm(tip, preload_mm=touch.preload_mm, friction=touch.friction)
     top = surface.yielding
     fields, yielding = read_only(surface.fields), None if top is None else read_only(top)
     lies = None if pose is None else astuple(pose)
@@ -95,8 +91,8 @@ def trace_contact(
         for block in range(first, last):
             some = slice(block * ABREAST, (block + 1) * ABREAST)
             trace_abreast(
-                fields, yielding, lies, surface.pitch_mm, lines[some], float(start_mm), float(step_mm), lag,
-                float(preload_mm), *of_tip, moment[some], flags[some],
+                fields, yielding, lies, surface.pitch_mm, lines[some], float(plan.start_mm), float(plan.step_mm),
+                lag, float(touch.preload_mm), *of_tip, moment[some], flags[some],
             )  # fmt: skip
 
     in_threads(trace, -(-lines.size // ABREAST))

@@ -9,10 +9,8 @@ import numpy as np
 from glyphs.compiled import FAST, inline_kernel, kernel
 from whisker_array.simulation.soft import LEAST_GIVE
 from whisker_array.simulation.surface import bilinear, cell_of
-from whisker_array.simulation.traces import SampleFlag
+from whisker_array.simulation.traces import JAMMED, LOST, SampleFlag
 
-_LOST = np.uint8(SampleFlag.CONTACT_LOST)
-_JAMMED = np.uint8(SampleFlag.JAMMED)
 _OUTSIDE = np.uint8(SampleFlag.OUTSIDE)
 _NOT_CONVERGED = np.uint8(SampleFlag.NOT_CONVERGED)
 
@@ -65,6 +63,13 @@ def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def
     part = 0.5 + 0.5 * (thickness - free + max(apart - free, 0.0)) / apart
     part = min(max(part, 0.0), 1.0)
     return h + thickness - sinkage, p + part * (p_track - p), q + part * (q_track - q), thickness, part
+
+
+@inline_kernel
+def _give(D, p, q, inv_norm, mu, tx, tz):  # type: ignore[no-untyped-def]
+    """Rise of the tip per normal force, e_y.D11 (n - mu t), sliding along (tx, tz)."""
+    x, z = -p * inv_norm - mu * tx, -q * inv_norm - mu * tz
+    return D[1, 0] * x + D[1, 1] * (inv_norm - mu * (p * tx + q * tz)) + D[1, 2] * z
 
 
 @inline_kernel
@@ -171,12 +176,7 @@ def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, 
                 seen[i, 4], seen[i, 5], seen[i, 6], seen[i, 7] = p, q, mu, length
                 if top is not None:
                     tx, tz = dx * inv_len, dz * inv_len
-                    give = (
-                        D[1, 0] * (-p * inv_norm - mu * tx)
-                        + D[1, 1] * (inv_norm - mu * (p * tx + q * tz))
-                        + D[1, 2] * (-q * inv_norm - mu * tz)
-                    )
-                    carried[i, 0] = max(give, LEAST_GIVE * D[1, 1])
+                    carried[i, 0] = max(_give(D, p, q, inv_norm, mu, tx, tz), LEAST_GIVE * D[1, 1])
                     if near > 0.0:
                         bend = min(load / kappa, thickness)
                         mx, mz, deeper = _sinking_step(
@@ -219,24 +219,21 @@ def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, 
             x, z, xp, zp = tip[i, 0], tip[i, 1], before[i, 0], before[i, 1]
             flag = flags[i, j]
             if f1 - p * f0 - q * f2 <= 0.0:
-                flag |= _LOST
+                flag |= LOST
             # unit sliding direction in space: t = J (dx, dz) / |.|
             inv_len = 1.0 / length
             tx, tz = (x - xp) * inv_len, (z - zp) * inv_len
-            ty = p * tx + q * tz
             inv_norm = 1.0 / math.sqrt(1.0 + p * p + q * q)
-            rise = (
-                D[1, 0] * (-p * inv_norm - mu * tx)
-                + D[1, 1] * (inv_norm - mu * ty)
-                + D[1, 2] * (-q * inv_norm - mu * tz)
-            )
             push_limit = JAM_FORCE * (d0 + max(h, 0.0)) / D[1, 1]
-            if rise <= 0.0 or f0 * f0 + f1 * f1 + f2 * f2 > push_limit * push_limit:
-                flag |= _JAMMED
-            if flag & _LOST:
+            if (
+                _give(D, p, q, inv_norm, mu, tx, tz) <= 0.0
+                or f0 * f0 + f1 * f1 + f2 * f2 > push_limit * push_limit
+            ):
+                flag |= JAMMED
+            if flag & LOST:
                 # the tip hangs free until the surface meets it again
                 x, z = x_free, z_free[i]
-            bad = flag & (_LOST | _JAMMED)
+            bad = flag & (LOST | JAMMED)
             moment[i, j] = 0.0 if bad else arm[0] * f0 + arm[1] * f1 + arm[2] * f2
             flags[i, j] = flag
             before[i, 0], before[i, 1] = x, z

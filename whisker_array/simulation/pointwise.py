@@ -19,12 +19,9 @@ from numpy.typing import NDArray
 from glyphs.compiled import FAST, kernel, read_only
 from glyphs.ranges import require_positive
 from whisker_array.simulation.threads import in_threads
-from whisker_array.simulation.traces import SampleFlag, Traces
+from whisker_array.simulation.traces import JAMMED, LOST, Traces
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
-
-_LOST = np.uint8(SampleFlag.CONTACT_LOST)
-_JAMMED = np.uint8(SampleFlag.JAMMED)
 
 
 @kernel(allow=FAST)
@@ -46,7 +43,7 @@ def _kernel(first, last, h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flag
             give = dyx * ax + dyy * ay
             lost, jam = reach <= zero, give <= zero
             moment[i, j] = zero if (lost or jam) else reach * (tx * ax + ty * ay) / give
-            flags[i, j] = (_LOST if lost else np.uint8(0)) | (_JAMMED if jam else np.uint8(0))
+            flags[i, j] = (LOST if lost else np.uint8(0)) | (JAMMED if jam else np.uint8(0))
 
 
 def trace_pointwise(

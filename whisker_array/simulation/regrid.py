@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,9 +23,8 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
     Raises MapError if the fine grid would exceed the limit of samples.
     """
     pitch = height_map.pitch_mm
-    ratio = pitch / target_mm
-    if ratio > 1.0 + 1e-6:
-        factor = _factor(ratio)
+    factor, block = _scale(pitch / target_mm)
+    if factor > 1:
         rows, cols = height_map.shape
         if rows * cols * factor**2 > MAX_PIXELS:
             raise MapError(
@@ -35,18 +36,14 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
         z = _interpolate(filled, factor, order=3)
         z[_repeat(dropout, factor)[: z.shape[0], : z.shape[1]]] = np.nan
         return HeightMap(z, pitch / factor), _fit_beside(friction, factor, 1)
-    block = _block(ratio)
-    if block < 2:
+    if block == 1:
         return height_map, friction
     return HeightMap(_average(height_map.z_mm, block), pitch * block), _fit_beside(friction, 1, block)
 
 
 def pad_soil(soil: Soil, samples: int) -> Soil:
     """Extend the dirt on all sides by its edge values."""
-    thickness, hardness, friction = (
-        np.pad(a, samples, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction)
-    )
-    return Soil(thickness_mm=thickness, hardness_mpa=hardness, friction=friction)
+    return Soil(*(np.pad(getattr(soil, f.name), samples, mode="edge") for f in fields(soil)))
 
 
 def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float) -> Soil:
@@ -57,8 +54,7 @@ def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float)
     """
     if fitted is top:
         return soil
-    ratio = top.pitch_mm / target_mm
-    factor, block = (_factor(ratio), 1) if fitted.pitch_mm < top.pitch_mm else (1, _block(ratio))
+    factor, block = _scale(top.pitch_mm / target_mm)
     friction, hardness = (
         np.asarray(_fit_beside(beside, factor, block)) for beside in (soil.friction, soil.hardness_mpa)
     )
@@ -70,13 +66,12 @@ def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float)
     return Soil(thickness_mm=thickness, hardness_mpa=hardness, friction=friction)
 
 
-def _factor(ratio: float) -> int:
-    return int(np.ceil(ratio - 1e-6))
-
-
-def _block(ratio: float) -> int:
+def _scale(ratio: float) -> tuple[int, int]:
+    """Number of samples interpolated for one, and of those averaged to one, an odd number."""
+    if ratio > 1.0 + 1e-6:
+        return int(np.ceil(ratio - 1e-6)), 1
     block = int(np.floor(0.5 / ratio + 1e-6))
-    return block - (1 - block % 2)
+    return 1, max(block - (1 - block % 2), 1)
 
 
 def _fit_beside(beside: Friction, factor: int, block: int) -> Friction:
@@ -106,17 +101,15 @@ def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
 
 
 def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
-    half = block // 2
-    rows, cols = values.shape
-    n_rows, n_cols = (rows - 1) // block + 1, (cols - 1) // block + 1
-    padded = np.pad(
-        values,
-        ((half, max(0, n_rows * block - rows - half)), (half, max(0, n_cols * block - cols - half))),
-        mode="edge",
-    )[: n_rows * block, : n_cols * block]
+    n_rows, n_cols = ((n - 1) // block + 1 for n in values.shape)
+    padded = np.pad(values, block // 2, mode="edge")[: n_rows * block, : n_cols * block]
     blocks = padded.reshape(n_rows, block, n_cols, block)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=(1, 3))
-    total = np.where(known, blocks, 0.0).sum(axis=(1, 3), dtype=np.float64)
-    with np.errstate(invalid="ignore"):
-        return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
+    return mean_of_known(blocks, axis=(1, 3)).astype(np.float32)
+
+
+def mean_of_known(values: NDArray[np.floating], *, axis: int | tuple[int, ...]) -> NDArray[np.float64]:
+    """Mean of the known values along axes; NaN if none is known."""
+    known = np.isfinite(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis, dtype=np.float64)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

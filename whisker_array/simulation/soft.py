@@ -70,8 +70,6 @@ def sunken_heights(
 
     e depends on the slope of the track, and the slope weakly on e, so a few iterations per sample converge.
     """
-    if not (top_mm > bottom_mm).any():
-        return bottom_mm
     top, kappa, mu = (np.asarray(a, dtype=np.float64) for a in (top_mm, stiffness_n_per_mm, friction))
     thickness = np.maximum(top - bottom_mm, 0.0)
     d_yx, d_yy = float(tip.compliance_mm_per_n[1, 0]), float(tip.compliance_mm_per_n[1, 1])

@@ -15,6 +15,7 @@ from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
 from whisker_array.simulation.threads import in_threads
+from whisker_array.whisker.passes import SweepPlan
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
@@ -76,39 +77,31 @@ def prepare_surface(
 ) -> TouchSurface:
     """Prepare a height map for tracing: fill dropouts, dilate by the tip, compute slopes, add the friction.
 
-    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between. Raises
-    MapError for a map of another shape.
+    For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between; it
+    lies on the grid of the map (`check_soil`). Raises MapError for wrong friction.
     """
     mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)
     pitch = height_map.pitch_mm
-    if soil is not None:
-        check_soil(soil, height_map.shape)
     if soil is None or not soil.thickness_mm.any():
-        fields = _dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+        fields = dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
         return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch)
-    fields = _dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+    fields = dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
     stiffness = carrying_stiffness_n_per_mm(soil, tip_radius_mm=tip_radius_mm, pitch_mm=pitch)
     none = np.zeros((1, 1), dtype=np.float32)
-    top = _dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
-    carrying = _dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
+    top = dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
+    carrying = dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
     carrying[..., 3] = (top != fields[..., :3]).any(axis=2)
     yielding = np.concatenate([top, carrying], axis=2)
     return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch, yielding=yielding)
 
 
-def _dilated_fields(
+def dilated_fields(
     z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float, radius_mm: float
 ) -> NDArray[np.float32]:
-    dilated = dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm)
-    return fields_of(dilated, beside, pitch_mm=pitch_mm)
-
-
-def fields_of(
-    z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float
-) -> NDArray[np.float32]:
-    """Fields (rows, cols, 4): heights, their slopes along columns and rows, and `beside`."""
-    z, fields = np.asarray(z_mm, dtype=np.float32), np.empty((*z_mm.shape, 4), dtype=np.float32)
+    """Fields (rows, cols, 4): heights dilated by a ball, their slopes along columns and rows, and `beside`."""
+    z = np.asarray(dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm), dtype=np.float32)
+    fields = np.empty((*z.shape, 4), dtype=np.float32)
     fields[..., 0], fields[..., 3] = z, beside
     half = np.float32(0.5 / pitch_mm)
     for layer, axis in ((1, 1), (2, 0)):
@@ -132,8 +125,6 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
 
 
 def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
-    if direction is TraceDirection.FORWARD_X:
-        return np.ascontiguousarray(fields, dtype=np.float32)
     turned = fields if direction.along_x else fields.swapaxes(0, 1)
     turned = turned[:, ::-1] if direction.backward else turned
     out = np.empty(turned.shape, dtype=np.float32)
@@ -174,14 +165,14 @@ def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, h
 
 
 def sample_lines(
-    surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
+    surface: TouchSurface, plan: SweepPlan
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Height, friction and dropout at every sample of parallel lines, (lines, samples) each: bilinear."""
-    height, mu = np.empty((2, lines_mm.size, n_samples), dtype=np.float32)
+    """Height, friction and dropout at every sample of a plan in the trace frame, (lines, samples) each: bilinear."""
+    lines = np.ravel(np.asarray(plan.line_mm, dtype=np.float64))
+    height, mu = np.empty((2, lines.size, plan.n_samples), dtype=np.float32)
     missing = np.empty(height.shape, dtype=np.bool_)
     fields, dropout = read_only(surface.fields), read_only(surface.dropout)
-    lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
-    place = 1.0 / surface.pitch_mm, lines, float(start_mm), float(step_mm)
+    place = 1.0 / surface.pitch_mm, lines, float(plan.start_mm), float(plan.step_mm)
     arrays = fields, dropout, *place, height, mu, missing
     in_threads(lambda first, last: _sample_lines(first, last, *arrays), lines.size)
     return height, mu, missing

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 
 import numba
 
@@ -12,12 +11,6 @@ import numba
 def in_threads(work: Callable[[int, int], None], rows: int) -> None:
     """Call work(first, last), which releases the GIL, for ranges that cover all rows, one for each numba thread."""
     count = max(min(numba.get_num_threads(), rows), 1)
-    if count == 1:
-        work(0, rows)
-        return
     ends = [rows * i // count for i in range(count + 1)]
-    with ThreadPoolExecutor(count - 1) as others:
-        begun = [others.submit(work, *stretch) for stretch in pairwise(ends[1:])]
-        work(*ends[:2])
-        for future in begun:
-            future.result()
+    with ThreadPoolExecutor(count) as pool:
+        list(pool.map(work, ends[:-1], ends[1:]))

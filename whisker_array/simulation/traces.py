@@ -34,6 +34,8 @@ class SampleFlag(IntFlag):
         return "; ".join(text for flag, text in _MESSAGES.items() if flag in self) or "good"
 
 
+LOST = np.uint8(SampleFlag.CONTACT_LOST)
+JAMMED = np.uint8(SampleFlag.JAMMED)
 _MESSAGES = {
     SampleFlag.CONTACT_LOST: "the whisker lost contact (raise the preload)",
     SampleFlag.JAMMED: "the tip jams on a wall (lower k = l2/l1, or the friction)",
@@ -48,7 +50,7 @@ _MESSAGES = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Traces(OneLine):
-    """Moments (lines, samples) of parallel traces; 0 where contact is lost or the tip jams."""
+    """Moments (lines or passes and whiskers, samples) of traces; 0 where contact is lost or the tip jams."""
 
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -24,56 +23,44 @@ def trace_sweep(
     fidelity: Fidelity,
     origin_mm: float,
     size_mm: tuple[float, float],
-    commanded: SweepPlan | None = None,
+    commanded: SweepPlan,
 ) -> Traces:
     """Trace one sweep over a padded surface in its trace frame.
 
     Lead-in and lead-out may run on the repeated edge; any other sample beyond the part is OUTSIDE.
-    `commanded` positions, by default the actual ones, decide it. Returns (passes * whiskers, samples), passes first.
+    `commanded` positions decide it. Returns (passes, whiskers, samples).
     """
     length = (oriented.shape[1] - 1) * oriented.pitch_mm
     start = sweep.start_mm - origin_mm
     if sweep.direction.backward:
         start = length - start
-    lines = sweep.line_mm.ravel() - origin_mm
+    lines = sweep.line_mm - origin_mm
     # half a thousandth of a step, so that rounding puts no position beyond the edge
-    commanded = sweep if commanded is None else commanded
     slack = 5e-4 * commanded.step_mm
     reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
-    across, along = commanded.line_mm.ravel(), commanded.position_mm()
+    across, along = commanded.line_mm, commanded.position_mm()
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
-    tip, step = touch.tip.pushed() if sweep.pushed else touch.tip, sweep.step_mm
-    sample = partial(
-        sample_lines, lines_mm=lines[on_part], start_mm=start, step_mm=step, n_samples=sweep.n_samples
-    )
+    traced = replace(sweep, line_mm=lines[on_part], start_mm=start)
     dropout = None
     if fidelity is Fidelity.POINTWISE or oriented.dropout.any():
-        heights, mu, dropout = sample(oriented)
+        heights, mu, dropout = sample_lines(oriented, traced)
     if fidelity is Fidelity.POINTWISE:
+        tip, step = touch.tip.pushed() if sweep.pushed else touch.tip, sweep.step_mm
         if oriented.yielding is not None:
-            top, stiffness, _ = sample(replace(oriented, fields=oriented.yielding))
+            top, stiffness, _ = sample_lines(replace(oriented, fields=oriented.yielding), traced)
             heights = sunken_heights(
                 top, heights, stiffness, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu
             )
         some = trace_pointwise(heights, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu)
     else:
-        some = trace_contact(
-            oriented,
-            tip,
-            lines_mm=lines[on_part],
-            start_mm=start,
-            step_mm=step,
-            n_samples=sweep.n_samples,
-            preload_mm=touch.preload_mm,
-            nominal_friction=touch.friction,
-        )
-    moment = np.zeros((lines.size, sweep.n_samples), dtype=np.float32)
+        some = trace_contact(oriented, touch, traced)
+    moment = np.zeros((*lines.shape, sweep.n_samples), dtype=np.float32)
     flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
     moment[on_part] = some.moment_n_mm
     flags[on_part] = some.flags
     if dropout is not None:
         flags[on_part] |= np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
-    flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
+    flags[..., beyond] |= np.uint8(SampleFlag.OUTSIDE)
     return Traces(moment_n_mm=moment, flags=flags)

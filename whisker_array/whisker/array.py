@@ -22,19 +22,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated, require_positive
+from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.comb import Body, Comb, collisions, default_body, room_hint
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
 from whisker_array.whisker.sections import WhiskerError
 
-ALL_DIRECTIONS = (
-    TraceDirection.FORWARD_X,
-    TraceDirection.FORWARD_Y,
-    TraceDirection.BACK_X,
-    TraceDirection.BACK_Y,
-)
+ALL_DIRECTIONS = tuple(TraceDirection)
 LINES_PER_HEIGHT = 40
 """Default number of lines per character height: a stroke of h/10 is four lines wide."""
 PIECE_LINES = 4
@@ -216,7 +211,6 @@ def default_plan(
     The sample pitch is always that for 40 lines, because samples cost no stage time. The default speed is 10 character
     heights per second, but at most `SAFE_SPEED_MM_S`.
     """
-    require_positive(WhiskerError, character_height_mm=character_height_mm)
     line_pitch = character_height_mm / lines_per_height
     return RasterPlan(
         array=default_comb(character_height_mm, n_whiskers=n_whiskers, kinds=kinds),

@@ -20,7 +20,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import Material, Section, SectionLike, Taper, WhiskerError
@@ -76,8 +75,7 @@ class Segment(OneLine):
         if np.linalg.norm(lateral) < 1e-9:
             lateral = _WORLD_X - along * along[0]
         lateral = lateral / np.linalg.norm(lateral)
-        (x, y, z), (u, v, w) = along, lateral
-        return np.array([along, lateral, [y * w - z * v, z * u - x * w, x * v - y * u]])
+        return np.array([along, lateral, np.cross(along, lateral)])
 
     def section_at(self, t: float) -> Section:
         if isinstance(self.section, Taper):
@@ -87,11 +85,9 @@ class Segment(OneLine):
     def section_compliances(self, fractions: Vector) -> Matrix:
         """(n, 3, 3) C of physics.md at the shares (n,) of the length: twist and curvature per moment, 1/(N mm^2)."""
         e, g = self.material.e_mpa, self.material.g_mpa
-        places = fractions if isinstance(self.section, Taper) else fractions[:1]
-        sections = [self.section_at(float(t)) for t in places]
+        sections = [self.section_at(float(t)) for t in fractions]
         about = np.array([(g * s.j_mm4, e * s.i_vertical_mm4, e * s.i_lateral_mm4) for s in sections])
-        compliances = np.stack([self.axes.T @ (self.axes / each[:, None]) for each in about])
-        return np.broadcast_to(compliances, (fractions.size, 3, 3))
+        return np.stack([self.axes.T @ (self.axes / each[:, None]) for each in about])
 
     def points_mm(self, fractions: Vector) -> Matrix:
         return self.start_mm + fractions[:, None] * (self.end_mm - self.start_mm)
@@ -153,12 +149,6 @@ def check_chain(segments: Sequence[Segment]) -> None:
             )
 
 
-def require_plane(error: type[MarksError], points_mm: Matrix) -> None:
-    """Check that the points (n, 3) of a whisker lie in the plane of tracing; otherwise raises `error`."""
-    if np.ptp(points_mm[:, 2]) > 1e-9 * np.abs(points_mm - points_mm[0]).max():
-        raise error("the whisker leaves the plane of tracing", hint="give a chain with one z for all points")
-
-
 def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matrix:
     """Compliance D of eqs. (1) and (2) at the tip of a chain clamped at its base. Raises WhiskerError.
 
@@ -168,7 +158,5 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     """
     check_chain(segments)
     tip = segments[-1].end_mm
-    d = np.zeros((6, 6))
-    for segment in segments:
-        d += _segment_compliance(segment, tip, axial)
+    d = sum((_segment_compliance(segment, tip, axial) for segment in segments), np.zeros((6, 6)))
     return np.asarray((d + d.T) / 2.0)

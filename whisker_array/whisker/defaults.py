@@ -38,7 +38,6 @@ def default_whisker(
 
     The whisker is a profiler (F = 1) at H = 1.78 mm; for smaller characters falling walls make the moment smaller.
     """
-    require_positive(WhiskerError, character_height_mm=character_height_mm)
     h = character_height_mm
     l2_mm = 6.0 * h * DEFAULT_K
     return LShaped(

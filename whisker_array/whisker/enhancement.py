@@ -140,9 +140,3 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (land_lift / land_turn) * turn / lift
     return np.where(lift > 0.0, ratio, np.nan)
-
-
-def is_jammed(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.bool_]:
-    """Find where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps."""
-    lift, _ = _lift_and_turn(slope, mu, tip_model)
-    return np.asarray(lift <= 0.0)

@@ -71,6 +71,11 @@ class SweepPlan(OneLine):
         offsets = self.offset_mm or (0.0,) * int(self.line_mm.shape[1])
         return samples_behind(offsets, self.step_mm)
 
+    def lines_in_order(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+        """Order of all lines across the plate, from passes first; whisker and position of each in that order."""
+        order = np.argsort(self.line_mm, axis=None, kind="stable")
+        return order, order % self.line_mm.shape[1], self.line_mm.ravel()[order]
+
     def of(self, whiskers: slice | NDArray[np.intp]) -> SweepPlan:
         offsets = np.asarray(self.offset_mm)[whiskers].tolist() if self.offset_mm else ()
         return replace(self, line_mm=self.line_mm[:, whiskers], offset_mm=tuple(offsets))

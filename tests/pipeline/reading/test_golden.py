@@ -21,11 +21,11 @@ from pipeline.reading import golden
 from pipeline.reading.golden import measure_golden, measure_sent
 from pipeline.reading.predictions import predictions
 from tests.support.benches import known_whisker, recorded, worn
+from tests.support.paper import is_jammed
 from whisker_array.design.limits import Request
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.knowledge import Knowledge
 from whisker_array.scan.recording import save_scan
-from whisker_array.whisker.enhancement import is_jammed
 from whisker_array.whisker.sections import WhiskerError
 
 PIECE = Piece(angle_deg=(45.0,), land_mm=1.2)

@@ -19,7 +19,7 @@ from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.bench.moves import Ramp
 from pipeline.bench.settings import BenchSettings
 from recognition.see.levelling import level
-from whisker_array.scan.mounting import mount
+from whisker_array.scan.mounting import Mounted
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.passes import SweepPlan
 
@@ -74,7 +74,7 @@ class World:
         self._bench, self.amplifier, self.pace = bench, amplifier, pace
         self._touch = bench.touch()
         self._step_mm = bench.comb.character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH)
-        self._part = mount(
+        self._part = Mounted(
             on_plate(level(part), bench),
             touches=(self._touch,),
             sample_pitch_mm=self._step_mm,

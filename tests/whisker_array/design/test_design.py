@@ -11,6 +11,8 @@ import pytest
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.design_report import BOUND_WORDS, explain_failure
 from tests.support.benches import preload_stress_mpa
+from tests.support.paper import is_jammed
+from tests.support.trace_frame import trace_contact
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     check,
@@ -26,11 +28,10 @@ from whisker_array.design.design import (
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.design.trade import speed_trade_off
 from whisker_array.design.tuned import Kind, factors, middle_friction, tune
-from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import linear_error
-from whisker_array.whisker.enhancement import enhancement_factor, is_jammed, normal_force_n
+from whisker_array.whisker.enhancement import enhancement_factor, normal_force_n
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.validity import (

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.support.paper import lift_from_slope, slope_from_turned
+from tests.support.paper import is_jammed, lift_from_slope, slope_from_turned
 from whisker_array.estimation.estimate import (
     friction_from_shapes,
     friction_from_two_ways,
@@ -20,7 +20,7 @@ from whisker_array.estimation.estimate import (
     tip_shift_mm,
 )
 from whisker_array.simulation.contact import land_lag_mm
-from whisker_array.whisker.enhancement import is_jammed, land_moment_n_mm, moment_ratio, rotation
+from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio, rotation
 from whisker_array.whisker.sections import Rectangle, WhiskerError
 from whisker_array.whisker.shapes import LShaped, TipModel, straight_whisker
 

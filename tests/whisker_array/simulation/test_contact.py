@@ -16,10 +16,11 @@ from glyphs.soiling.soil import Soil
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import HeightMap
 from tests.support.felt import felt as felt_whole
-from whisker_array.simulation.contact import SurfacePose, land_lag_mm, trace_contact
+from tests.support.trace_frame import sample_lines, trace_contact
+from whisker_array.simulation.contact import SurfacePose, land_lag_mm
 from whisker_array.simulation.contact_kernel import ABREAST
 from whisker_array.simulation.pointwise import trace_pointwise
-from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
+from whisker_array.simulation.surface import TouchSurface, prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio

@@ -14,12 +14,13 @@ from scipy import optimize
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, TraceDirection
 from tests.support.scans import SMALL_PLAN
+from tests.support.trace_frame import sample_lines, trace_contact
 from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.regrid import fit_pitch, fit_soil
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm, sunken_heights
-from whisker_array.simulation.surface import prepare_surface, sample_lines
+from whisker_array.simulation.surface import prepare_surface
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.sections import Round
 from whisker_array.whisker.shapes import LShaped, TipModel
@@ -263,8 +264,8 @@ def test_both_fidelities_agree_where_the_tip_stays_as_it_is_led() -> None:
             nominal_friction=MU,
         )  # fmt: skip
         where = {"lines_mm": lines, "start_mm": 0.6, "step_mm": pitch, "n_samples": n}
-        below, mu, _ = sample_lines(surface, **where)  # type: ignore[arg-type]
-        above, kappa, _ = sample_lines(replace(surface, fields=surface.yielding), **where)  # type: ignore[arg-type]
+        below, mu, _ = sample_lines(surface, **where)
+        above, kappa, _ = sample_lines(replace(surface, fields=surface.yielding), **where)
         h = sunken_heights(above, below, kappa, tip, step_mm=pitch, preload_mm=d0, friction=mu)
         ideal = trace_pointwise(h, tip, step_mm=pitch, preload_mm=d0, friction=mu)
         sunk = above - h

@@ -17,16 +17,16 @@ from tests.support.paper import (
     enhancement_level_with_h,
     friction_slope,
     h_of_paper,
+    is_jammed,
     singular_angle_rad,
 )
-from whisker_array.simulation.contact import trace_contact
+from tests.support.trace_frame import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.whisker.enhancement import (
     contact_direction,
     contact_force,
     enhancement_factor,
-    is_jammed,
     land_moment_n_mm,
     moment_n_mm,
     moment_ratio,
