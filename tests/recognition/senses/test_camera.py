@@ -20,6 +20,7 @@ from recognition import camera
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
+from recognition.see.view import photo_view
 from recognition.settings import ReaderSettings
 
 TEXT = "K7B29"
@@ -91,6 +92,23 @@ def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
     assert reading.confidence >= SETTINGS.least_score("vision")
     assert reading.decision is Decision.REVIEW
     assert reading.seconds["find"] > 0.0
+
+
+def test_a_picture_without_stains_is_searched_only_if_a_line_promises_more_there(
+    reader: Reader, photo: tuple[StampedPart, Photo], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stained = rusty(photo[0])
+    colourless = replace(stained, pixels=np.rint(255.0 * stained.grey()).astype(np.uint8))
+    texts, looks = [], []
+    for clean in (None, replace(colourless, pixels=np.full_like(colourless.pixels, 110)), photo[1]):
+        view = None if clean is None else photo_view(clean)
+        monkeypatch.setattr(camera, "stainless_view", lambda _, view=view: view)
+        reading = reader.read(colourless)
+        texts.append(reading.text)
+        looks.append(sum(sense.lines.looks for sense in reading.evidence.senses))
+    assert texts[0] == texts[1]
+    assert looks[0] == looks[1]
+    assert texts[2] == TEXT
 
 
 def test_a_photograph_becomes_a_reading(reader: Reader, photo: tuple[StampedPart, Photo]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
+from recognition.find.tiles import find_in_tiles
 from recognition.find.wide import find_wide
 from recognition.reader import Reader
 from recognition.see.photo_frame import photo_middle_mm, photo_origin_mm, photo_pitch_mm
@@ -79,6 +80,16 @@ def test_a_small_part_of_a_large_photograph_is_read(ground: np.ndarray) -> None:
     assert abs(y - (y0 + y1) / 2) < 0.3 * (y1 - y0)
     rows, columns = reading.trace.photo.shape
     assert columns / rows == pytest.approx(SHAPE[1] / SHAPE[0], rel=1e-3)  # all of it
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_a_small_serial_among_clutter_is_found_in_tiles_that_are_like_text(seed: int) -> None:
+    plate, rng = cv2.imread(str(SERIAL), cv2.IMREAD_GRAYSCALE), np.random.default_rng(seed)
+    whole = (0.0, 0.0, float(plate.shape[1]), float(plate.shape[0]))
+    frame, (x0, y0, x1, y1) = framed(plate, whole, 0.3, clutter((600, 900), rng), rng)
+    lines = [found.line for found in find_in_tiles(photo_view(Photo(frame)), fine=True)[:3]]
+    middles = [line.centre_mm.mean(axis=0) for line in lines]
+    assert any(x0 < x < x1 and y0 < y < y1 for x, y in middles)
 
 
 def test_noise_of_a_large_photograph_is_no_line() -> None:
