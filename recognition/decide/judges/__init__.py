@@ -10,7 +10,13 @@ from recognition.decide.decision import BESIDE_SERIAL, Decision, Finding, Readin
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.judges.depths import depth_rules
 from recognition.decide.judges.format import check_digit, format_not_met, no_characters, small_letter
-from recognition.decide.judges.lines import layout, orientation, other_lines, unread_photograph
+from recognition.decide.judges.lines import (
+    layout,
+    longer_line,
+    orientation,
+    other_lines,
+    unread_photograph,
+)
 from recognition.decide.judges.score import (
     accepted_risk,
     certificate,
@@ -38,7 +44,7 @@ Judge: TypeAlias = Callable[[Evidence, Choice, DecisionSettings], Iterator[Findi
 
 JUDGES: tuple[Judge, ...] = (
     no_characters, format_not_met, check_digit, small_letter,
-    other_lines, orientation, layout, unread_photograph,
+    other_lines, longer_line, orientation, layout, unread_photograph,
     cut_characters, missing_strokes, undecided_strokes, named_font, guessed_characters,
     accepted_risk, depth_rules,
     log_of_sense, search_stopped, senses_together, lines_disagree, senses_disagree, code_disagrees,

@@ -122,6 +122,16 @@ def layout(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> It
         yield Finding(ReadingFlag.UNREAD_MARKS, _layout_text(choice.sense.layout))
 
 
+def longer_line(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report that the serial may be only a piece of its line."""
+    lines = choice.sense.lines
+    if choice.characters and lines is not None and lines.longer is not None:
+        text = lines.longer.open_places[0].text
+        yield Finding(
+            ReadingFlag.UNREAD_MARKS, f"a longer line reads “{text}” about as well (give the format)"
+        )
+
+
 def _layout_text(layout: Layout) -> str:
     texts = [f"“{text}”" for text in layout.texts]
     if layout.kind is LayoutKind.UPSIDE_DOWN:
