@@ -184,6 +184,20 @@ def test_a_line_that_is_text_without_the_format_grows_to_the_serial_of_the_forma
     assert main.lattice.text == "KXB4071"
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_without_a_format_a_photographs_line_is_read_longer_at_its_ends(first: int) -> None:
+    boxes = np.array(PART.stamped.boxes_mm)[first:7]
+    middle_mm = boxes[:, 1::2].mean()
+    piece = TextLine(np.array([(boxes[0, 0], middle_mm), (boxes[-1, 2], middle_mm)]), 5.0)
+    request = LineRequest(None, ALPHANUMERIC, limits=SearchLimits(least_gain_per_ms=math.inf))
+    texts = {}
+    for kind in (ViewKind.PHOTO, VIEW.kind):
+        part = find([replace(VIEW, kind=kind)], request, about=(piece,))
+        assert part.longer is None
+        texts[kind] = part.main.open_places[0].text
+    assert texts == {ViewKind.PHOTO: "KXB4071", VIEW.kind: "KXB4071"[first:]}
+
+
 def test_another_layout_is_looked_for_only_where_the_lines_count() -> None:
     found = read_lines([VIEW], request_of("99AA99"))
     whole, together = found.with_layout(), find_in(VIEW, "99AA99")

@@ -17,6 +17,7 @@ from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition import camera
+from recognition.decide.decide import decide
 from recognition.decide.decision import Decision, ReadingFlag
 from recognition.decide.reading import Reading
 from recognition.reader import Reader
@@ -124,6 +125,17 @@ def test_a_photograph_becomes_a_reading(reader: Reader, photo: tuple[StampedPart
     assert reading.height_mm == pytest.approx(part.height_mm, rel=0.25)
     assert reading.seconds["find"] > 0.0
     check_places(reading, part)
+
+
+def test_a_text_that_may_be_a_piece_of_a_longer_one_is_not_accepted(
+    reader: Reader, photo: tuple[StampedPart, Photo]
+) -> None:
+    evidence = reader.read(photo[1]).evidence
+    (sense,) = evidence.senses
+    piece = replace(sense, lines=replace(sense.lines, longer=sense.main))
+    reading = decide(replace(evidence, vision=piece), SETTINGS)
+    assert reading.decision is Decision.REVIEW
+    assert f"a longer line reads “{TEXT}” about as well (give the format)" in map(str, reading.findings)
 
 
 def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[StampedPart, Photo]) -> None:
