@@ -362,7 +362,7 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
         fitted = fit([part for part in parts if fold(part) != name])
         for part in parts:
             if fold(part) == name:
-                for mode in SOURCES if part.felt else ("vision",):
+                for mode in SOURCES:
                     reading = read(part, mode, fitted)
                     if reading is not None:
                         score = fitted.scores[reading.source].probability(reading.measures)
@@ -444,16 +444,13 @@ def risk_table(parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: 
                 continue
             score = min(test.threshold for kept, test in tested.items() if kept <= risk)
             for name, own_parts in kinds.items() if risk in (*SHOWN_RISKS, least) else [("all", parts)]:
-                own, counted = (
-                    _of(judged, own_parts, mode),
-                    [p for p in own_parts if p.felt or mode == "vision"],
-                )
+                own = _of(judged, own_parts, mode)
                 accepted = [one for one in own if accepts(one, thresholds, risk)]
                 wrong = exact_share(sum(not one.reading.right for one in accepted), len(accepted))
                 of_right = (wrong.total - wrong.count) / max(sum(one.reading.right for one in own), 1)
                 yield (
                     f"{start} {score:.4f} | {name} | {wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} "
-                    f"| {of_right:.1%} | {wrong.total / len(counted):.1%} |"
+                    f"| {of_right:.1%} | {wrong.total / len(own_parts):.1%} |"
                 )
 
 
@@ -467,7 +464,7 @@ def fusion_table(
     )
     yield "|" + "---|" * 6
     for fields in (("severity",), ("generator",), ("format",), ("generator", "severity")):
-        for name, own_parts in kinds_of([part for part in parts if part.felt], *fields).items():
+        for name, own_parts in kinds_of(parts, *fields).items():
             if name == "all" and fields != ("severity",):
                 continue
             own = {mode: _of(judged, own_parts, mode) for mode in SOURCES}
@@ -564,9 +561,6 @@ def report(
         f"{len(own):,} {name}" for name, own in kinds_of(parts, "generator").items() if name != "all"
     )
     yield f"{len(parts):,} parts ({generators}) in {len({part.font for part in parts})} font files."
-    photographs = sum(not part.felt for part in parts)
-    if photographs:
-        yield f"Of {photographs:,} of them only the photograph counts."
     yield from ("", "### Promised risk and risk seen", "", *risk_table(parts, judged, thresholds))
     both = {max(min(thresholds[mode], default=1.0) for mode in ("tactile", "fused")), USUAL_RISK}
     for risk in sorted(both - {1.0}, reverse=True):

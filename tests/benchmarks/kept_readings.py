@@ -1,10 +1,11 @@
 """Readings of known parts in one compressed file, so that a new score needs no new reading::
 
-    python tests/benchmarks/kept_readings.py READINGS [--same-reader FILE] [--photographs EARLIER]
+    python tests/benchmarks/kept_readings.py READINGS [--same-reader FILE [--with-format]]
 
-READINGS is the folder of `risk_parts.py`. The further parts of FILE, which the same reader read, count as well. Of each
-part the file keeps what score and weights of fusion may depend on: truth and texts, generator, font, dirt, the
-posteriors at every place by touch and by camera, and named measures. `fit_score.py` fits from this file.
+READINGS is the folder of `risk_parts.py`. The further parts of FILE, which the same reader read, count as well; if what
+is read without a format has changed, only those with one. Of each part the file keeps what score and weights of fusion
+may depend on: truth and texts, generator, font, dirt, the posteriors at every place by touch and by camera, and named
+measures. `fit_score.py` fits from this file.
 """
 
 from __future__ import annotations
@@ -86,7 +87,6 @@ class KeptPart:
         format: format that the reader was given; empty for none.
         text: text on the part.
         readings: readings by source.
-        felt: whether touch counts. Of further parts only the photograph does, read by an earlier search for lines.
     """
 
     number: int
@@ -96,7 +96,6 @@ class KeptPart:
     format: str
     text: str
     readings: Mapping[str, KeptReading]
-    felt: bool = True
 
 
 def pack(parts: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
@@ -106,7 +105,6 @@ def pack(parts: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
         for name in ("number", "generator", "font", "severity", "format", "text")
     }
     columns["severity"] = columns["severity"].astype(np.float32)
-    columns["felt"] = np.ones(len(parts), dtype=np.bool_)
     for source, names in MEASURES.items():
         readings = [part["readings"][source] for part in parts]
         columns[f"{source}_text"] = np.array([reading["text"] for reading in readings])
@@ -159,7 +157,6 @@ def load(path: Path = KEPT) -> tuple[KeptPart, ...]:
             str(columns["format"][k]),
             str(columns["text"][k]),
             {source: of_source[k] for source, of_source in readings.items()},
-            bool(columns["felt"][k]),
         )
         for k in range(columns["number"].size)
     )
@@ -196,45 +193,21 @@ def _lattice(chars: tuple[str, ...], rows: NDArray[np.float16]) -> Lattice:
 
 
 def with_parts(
-    columns: Mapping[str, NDArray[Any]], further: Mapping[str, NDArray[Any]]
+    columns: Mapping[str, NDArray[Any]], further: Mapping[str, NDArray[Any]], *, with_format: bool = False
 ) -> dict[str, NDArray[Any]]:
-    """Add the parts of another file that are not among these."""
-    added = _parts_not_in(columns, further)
-    return {name: np.concatenate([values, added[name]]) for name, values in columns.items()}
-
-
-def _parts_not_in(
-    columns: Mapping[str, NDArray[Any]], further: Mapping[str, NDArray[Any]]
-) -> dict[str, NDArray[Any]]:
+    """Add the parts of another file that are not among these, or those of them that were read with a format."""
     more = ~np.isin(further["number"], columns["number"])
-    added = {name: values[more] for name, values in further.items() if not name.endswith("_log")}
+    if with_format:
+        more &= further["format"] != ""
+    added = {name: further[name][more] for name in columns if not name.endswith("_log")}
     for source in SENSES:
         rows = np.repeat(more, further[f"{source}_places"])
         added[f"{source}_log"] = further[f"{source}_log"][rows]
-    return added
-
-
-def with_photographs(
-    columns: Mapping[str, NDArray[Any]], earlier: Mapping[str, NDArray[Any]]
-) -> dict[str, NDArray[Any]]:
-    """Add the parts of an earlier file that are not among these; only their photographs count.
-
-    Args:
-        columns: arrays of the file.
-        earlier: arrays of an earlier file.
-    """
-    added = _parts_not_in(columns, earlier)
-    count = added["number"].size
-    blank = {
-        "tactile_text": np.full(count, ""), "fused_text": np.full(count, ""),
-        "tactile_places": np.zeros(count, dtype=np.uint8), "tactile_log": added["tactile_log"][:0],
-        "felt": np.zeros(count, dtype=np.bool_),
-    }  # fmt: skip
-    return {name: np.concatenate([values, (added | blank)[name]]) for name, values in columns.items()}
+    return {name: np.concatenate([values, added[name]]) for name, values in columns.items()}
 
 
 def main(
-    readings: Path, *, out: Path = KEPT, same_reader: Path | None = None, photographs: Path | None = None
+    readings: Path, *, out: Path = KEPT, same_reader: Path | None = None, with_format: bool = False
 ) -> None:
     """Pack the readings of a folder.
 
@@ -242,7 +215,7 @@ def main(
         readings: folder of `risk_parts.py`.
         out: file to write.
         same_reader: file of readings by the same reader, whose further parts count as well.
-        photographs: earlier file, of whose further parts the photographs count as well.
+        with_format: whether only those of them count that were read with a format.
     """
     every = [pickle.loads(path.read_bytes()) for path in sorted(readings.glob("*.pkl"))]
     # others that are stamped have soils that are kept out of every fit
@@ -250,13 +223,10 @@ def main(
     columns = pack(parts)
     if same_reader is not None:
         with np.load(same_reader) as further:
-            columns = with_parts(columns, {name: further[name] for name in further.files})
-    if photographs is not None:
-        with np.load(photographs) as earlier:
-            columns = with_photographs(columns, {name: earlier[name] for name in earlier.files})
+            arrays = {name: further[name] for name in further.files}
+        columns = with_parts(columns, arrays, with_format=with_format)
     np.savez_compressed(out, **columns)
-    felt = int(columns["felt"].sum())
-    print(f"{felt:,} parts, and photographs of {columns['felt'].size - felt:,} more")
+    print(f"{columns['number'].size:,} parts")
 
 
 if __name__ == "__main__":
