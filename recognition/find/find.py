@@ -136,7 +136,7 @@ def _at_its_ends(
     ends = ((add_heights, 0.0), (0.0, add_heights))
     more = [
         read
-        for read in search.read(lengthen(best.line, *end) for end in ends)
+        for read in search.in_region(search.read(lengthen(best.line, *end) for end in ends))
         if read.lattice.n_places > best.lattice.n_places and promise_of(read) > promise_of(best) - nats
     ]
     if more and promise_of(more[0]) > promise_of(best) + nats:
