@@ -127,11 +127,13 @@ def _at_its_ends(
 ) -> tuple[ReadLine, ReadLine | None]:
     """The line, or one made longer at an end that is better by `nats`; and one that is worse by no more.
 
-    Without a format nothing else shows that a sure text is only a piece. Of 91 such texts of photographs this finds all
-    four pieces, and doubts none of 80 right ones.
+    Where the format allows longer serials, nothing else shows that a sure text is only a piece. Of 91 such texts of
+    photographs without a format this finds all four pieces, and doubts none of 80 right ones.
     """
-    photograph = search.view.kind is ViewKind.PHOTO
-    if search.request.grammar is not None or not photograph or not is_convincing([best], sure):
+    grammar, photograph = search.request.grammar, search.view.kind is ViewKind.PHOTO
+    lengths = None if grammar is None else grammar.lengths()
+    whole = lengths is not None and best.lattice.n_places >= max(lengths)
+    if whole or not photograph or not is_convincing([best], sure):
         return best, None
     ends = ((add_heights, 0.0), (0.0, add_heights))
     more = [

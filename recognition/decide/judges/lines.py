@@ -128,7 +128,8 @@ def longer_line(evidence: Evidence, choice: Choice, settings: DecisionSettings) 
     if choice.characters and lines is not None and lines.longer is not None:
         text = lines.longer.open_places[0].text
         yield Finding(
-            ReadingFlag.UNREAD_MARKS, f"a longer line reads “{text}” about as well (give the format)"
+            ReadingFlag.UNREAD_MARKS,
+            f"a longer line reads “{text}” about as well (give the format, or a narrower one)",
         )
 
 

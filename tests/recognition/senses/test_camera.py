@@ -135,7 +135,9 @@ def test_a_text_that_may_be_a_piece_of_a_longer_one_is_not_accepted(
     piece = replace(sense, lines=replace(sense.lines, longer=sense.main))
     reading = decide(replace(evidence, vision=piece), SETTINGS)
     assert reading.decision is Decision.REVIEW
-    assert f"a longer line reads “{TEXT}” about as well (give the format)" in map(str, reading.findings)
+    assert f"a longer line reads “{TEXT}” about as well (give the format, or a narrower one)" in map(
+        str, reading.findings
+    )
 
 
 def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[StampedPart, Photo]) -> None:
