@@ -208,8 +208,7 @@ def read_piece(path: Path) -> Piece | HeightMap:
 
 def read_surface(path: Path) -> HeightMap:
     """The height map of the piece in a file."""
-    piece = read_piece(path)
-    return piece.height_map(PITCH_MM) if isinstance(piece, Piece) else piece
+    return read_toml(path, TypeAdapter(Piece)).height_map(PITCH_MM)
 
 
 def heights_of_piece(piece: Piece | HeightMap) -> Heights:

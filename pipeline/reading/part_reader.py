@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from recognition.active.moves import Region
     from recognition.decide.evidence import Evidence, SenseEvidence
     from recognition.decide.reading import Reading
-    from recognition.find.first_pass import Feel
     from recognition.reader import Reader
     from recognition.see.virtual_array import VirtualArray
     from recognition.surface import OpenStage, Surface
@@ -171,11 +170,11 @@ class PartReader:
             )
 
 
-def surface_of(top: PartMap, part_id: str = "", *, feel: Feel | None = None) -> Surface:
-    """The surface of a part's map, to be felt by the default plan or by a given function."""
+def surface_of(top: PartMap, part_id: str = "") -> Surface:
+    """The surface of a part's map, to be felt by the default plan."""
     from recognition.surface import Surface
 
-    return Surface(top.height_map, top.soil, top.rows_known, part_id, feel)
+    return Surface(top.height_map, top.soil, top.rows_known, part_id)
 
 
 def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:
