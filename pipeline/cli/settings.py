@@ -70,10 +70,9 @@ def _flags(title: str, model: type[Settings], setting: str, example: str) -> Par
 
 
 Reading = Annotated[ReadSettings, _flags("Settings of reading", ReadSettings, "height_mm", "height_mm = 5.0")]
-Workers = Annotated[
-    WorkerSettings, _flags("Settings of the workers", WorkerSettings, "jobs", "under [workers]")
-]
-Pool = Annotated[PoolSettings, _flags("Settings of the workers", WorkerSettings, "jobs", "under [workers]")]
+_OF_WORKERS = _flags("Settings of the workers", WorkerSettings, "jobs", "under [workers]")
+Workers = Annotated[WorkerSettings, _OF_WORKERS]
+Pool = Annotated[PoolSettings, _OF_WORKERS]
 Service = Annotated[
     ServiceSettings, _flags("Settings of the service", ServiceSettings, "port", "under [service]")
 ]

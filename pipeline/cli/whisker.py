@@ -74,14 +74,14 @@ def scan(
     format
         Format of the serial, with --active, such as AA999999; see read --format.
     """
-    from pipeline.formats.grid import PartMap
     from pipeline.formats.touch_file import read_part_map
-    from pipeline.formats.whisker_file import read_surface, read_whisker_file
+    from pipeline.formats.whisker_file import PITCH_MM, read_piece, read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions
     from pipeline.reading.readers import find_height_mm
     from recognition.see.virtual_array import VirtualArray
     from recognition.see.virtual_bench import VirtualBench
+    from recognition.surface import Surface
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.sensor import Sensors
     from whisker_array.simulation.traces import Fidelity
@@ -95,7 +95,7 @@ def scan(
             "leave out --profilers, --two-way and --whisker",
         )
     piece = height_map.suffix.lower() == ".toml"
-    top = PartMap(read_surface(height_map)) if piece else read_part_map(height_map, maps)
+    top = Surface(read_piece(height_map).height_map(PITCH_MM)) if piece else read_part_map(height_map, maps)
     surface, soil = top.height_map, top.soil
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))

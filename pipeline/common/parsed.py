@@ -56,15 +56,13 @@ def toml_of(path: Path) -> dict[str, Any]:
         raise FileError(path, "nests brackets too deeply for TOML", "take them out") from error
     except UnicodeDecodeError as error:
         raise FileError(path, "is not UTF-8 text", "save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # a TOMLDecodeError, or a number that is too long
         if twice := _TWICE.search(str(error)):
             table = ".".join(re.findall(r"'([^']+)'", twice[1]))
             what = f"has a second [{table}] in {twice[2]}"
             raise FileError(path, what, "put all its settings in one place") from error
         if again := _OVERWRITTEN.search(str(error)):
             raise FileError(path, f"sets a name twice, again in {again[1]}", "remove one of them") from error
-        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
-    except ValueError as error:  # for numbers that are too long
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
 
 

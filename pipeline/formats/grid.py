@@ -7,16 +7,19 @@ replaces the file's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import PROFILE, RawMap, check_size, without_bad_points, without_isolated_value
+
+if TYPE_CHECKING:
+    from recognition.surface import Surface
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
 MOST_PLATE_MM = 1000.0
@@ -241,17 +244,9 @@ MOST_OFFSET_MM = 10.0
 MAX_PITCH_MM = 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class PartMap:
-    """Top of a part in mm, row 0 at the top, and the dirt on it, if stated; `rows_known`: their order is stated."""
-
-    height_map: HeightMap
-    soil: Soil | None = None
-    rows_known: bool = True
-
-
-def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
-    """Make the map of a file. Raises MarksError: sizes, pitches, units or heights that cannot be used."""
+def part_map(raw: RawMap, settings: MapSettings) -> Surface:
+    """The top of a part in mm, row 0 at the top, and the dirt on it, if stated. Raises MarksError: sizes, pitches,
+    units or heights that cannot be used."""
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)
@@ -281,7 +276,9 @@ def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
             raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
     z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
     height_map = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
-    return PartMap(height_map, soil, raw.rows_stated or settings.rows is not None)
+    from recognition.surface import Surface  # slow, and files that cannot be used do not need it
+
+    return Surface(height_map, soil, raw.rows_stated or settings.rows is not None)
 
 
 def _fits_better(rest: RawMap, raw: RawMap, pitch: float, settings: MapSettings) -> bool:

@@ -89,7 +89,7 @@ def without_isolated_value(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _without_markers(
-    z: NDArray[np.float64], is_marker: Callable[[float, NDArray[np.float64]], bool]
+    z: NDArray[np.float64], is_marker: Callable[[float, int, float, float, float], bool]
 ) -> NDArray[np.float64]:
     z[~np.isfinite(z)] = np.nan
     z[np.abs(z) > 1e30] = np.nan
@@ -98,28 +98,21 @@ def _without_markers(
         if known.size < 2:
             break
         for end in (float(known.min()), float(known.max())):
-            if is_marker(end, known):
+            others = known[known != end]
+            if others.size and is_marker(end, known.size, *_isolation(end, others, known.size)):
                 z[z == end] = np.nan
     return z
 
 
-def _stands_for_missing(value: float, known: NDArray[np.float64]) -> bool:
-    others = known[known != value]
-    if not others.size:
-        return False
-    share, spread, gap = _isolation(value, others, known.size)
+def _stands_for_missing(value: float, count: int, share: float, spread: float, gap: float) -> bool:
     well_known = value in _MISSING or set(f"{abs(value):.6g}".replace(".", "").split("e")[0]) == {"9"}
     if well_known:
         return share <= _MOST_MISSING and gap > _APART * spread
-    often = 0.0 < share <= _MOST_OTHERS and share * known.size > 1.5
+    often = 0.0 < share <= _MOST_OTHERS and share * count > 1.5
     return often and spread > 0.0 and gap > _FAR_APART * spread
 
 
-def _is_isolated(value: float, known: NDArray[np.float64]) -> bool:
-    others = known[known != value]
-    if not others.size:
-        return False
-    share, spread, gap = _isolation(value, others, known.size)
+def _is_isolated(_value: float, _count: int, share: float, spread: float, gap: float) -> bool:
     return _LEAST_SHARED <= share <= _MOST_SHARED and spread > 0.0 and gap > _ISOLATED * spread
 
 

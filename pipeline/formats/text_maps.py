@@ -292,38 +292,31 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], str, float | None] | None:
     """(n, 3) x, y and z, the unit of z, and that of x in mm; None if the table does not name them."""
+    axes = _named_axes(table.names, _AXIS)
+    if {"r", "c", "z"} <= axes.keys():
+        rows, columns, heights = (table.rows[:, axes[axis][0]] for axis in "rcz")
+        return np.stack([columns, -rows, heights], axis=1), axes["z"][1], None
+    if not {"x", "y", "z"} <= axes.keys():
+        axes = _named_axes(table.names, _POSITION)
+        if not {"x", "y", "z"} <= axes.keys():
+            return None
+        # the heading's other lines may state the unit of the first three columns
+        if not axes["z"][1] and [axes[axis][0] for axis in "xyz"] == [0, 1, 2]:
+            return None
+    return table.rows[:, [axes[axis][0] for axis in "xyz"]], axes["z"][1], MM.get(axes["x"][1])
+
+
+def _named_axes(names: Sequence[str], heading: re.Pattern[str]) -> dict[str, tuple[int, str]]:
+    """Column of each axis that has a heading, and its unit of length, if any."""
     axes: dict[str, tuple[int, str]] = {}
-    for column, name in enumerate(table.names):
-        if len(name) <= _MOST_NAME and (axis := _AXIS.fullmatch(name.strip("\"'# "))):
+    for column, name in enumerate(names):
+        if len(name) <= _MOST_NAME and (axis := heading.fullmatch(name.strip("\"'# "))):
             unit = axis["unit"] or ""
             if unit and unit not in MM and not unit.startswith(("px", "pixel")):
                 what = f"has the column {name!r}, and {unit} is no unit of length that is known"
                 raise DataError(what, "export it in nm, um, mm, m or in, or leave the unit out")
             axes.setdefault(axis["axis"][0].replace("h", "z"), (column, unit if unit in MM else ""))
-    if {"r", "c", "z"} <= axes.keys():
-        rows, columns, heights = (table.rows[:, axes[axis][0]] for axis in "rcz")
-        return np.stack([columns, -rows, heights], axis=1), axes["z"][1], None
-    if not {"x", "y", "z"} <= axes.keys():
-        axes = _named_positions(table.names)
-    if not axes:
-        return None
-    return table.rows[:, [axes[axis][0] for axis in "xyz"]], axes["z"][1], MM.get(axes["x"][1])
-
-
-def _named_positions(names: Sequence[str]) -> dict[str, tuple[int, str]]:
-    """Column and unit of x, y and z under longer headings; empty if one is missing.
-
-    Empty, too, for the first three columns without a unit of z: there the heading's other lines may state it.
-    """
-    axes: dict[str, tuple[int, str]] = {}
-    for column, name in enumerate(names):
-        if len(name) <= _MOST_NAME and (axis := _POSITION.fullmatch(name.strip("\"'# "))):
-            unit = axis["unit"] or ""
-            axes.setdefault(axis["axis"][0].replace("h", "z"), (column, unit if unit in MM else ""))
-    if not {"x", "y", "z"} <= axes.keys():
-        return {}
-    are_first = [axes[axis][0] for axis in "xyz"] == [0, 1, 2]
-    return {} if are_first and not axes["z"][1] else axes
+    return axes
 
 
 def _zygo(text: str, most: int) -> RawMap:

@@ -22,8 +22,8 @@ from pipeline.formats.kinds import (
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
-    from pipeline.formats.grid import PartMap
     from pipeline.formats.raw_map import RawMap
+    from recognition.surface import Surface
     from whisker_array.scan.scan import Scan
 
 # readers of files that are height maps only if the user says so
@@ -43,7 +43,7 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
 
 def read_part_map(
     path: str | Path, settings: MapSettings | None = None, *, most: int = MAX_PIXELS
-) -> PartMap:
+) -> Surface:
     """Read the height map in a file, with its dirt; it may have `most` samples, checked from a header."""
     from pipeline.formats.grid import part_map
     from pipeline.formats.text_maps import is_number_table

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, TypeAdapter
 
-from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece
 from pipeline.common.output_paths import check_writable
 from pipeline.common.parsed import Strict, read_toml, write_toml
@@ -201,20 +200,20 @@ def _written(content: WhiskerFile) -> _L | _Straight:
 PITCH_MM = 0.02
 
 
-def read_piece(path: Path) -> Piece | HeightMap:
-    """Read the test piece in a file."""
-    return read_toml(path, TypeAdapter(Piece)) if path.suffix.lower() == ".toml" else read_height_map(path)
+def read_piece(path: Path) -> Piece:
+    """Read the test piece in a TOML file."""
+    return read_toml(path, TypeAdapter(Piece))
 
 
-def read_surface(path: Path) -> HeightMap:
-    """The height map of the piece in a file."""
-    piece = read_piece(path)
-    return piece.height_map(PITCH_MM) if isinstance(piece, Piece) else piece
+def heights_of_piece(path: Path) -> Heights:
+    """Function that returns the height over the land at places of the piece in a file, mm.
 
-
-def heights_of_piece(piece: Piece | HeightMap) -> Heights:
-    """Function that returns the height over the land at places of the piece, mm; a map with holes is a MapError."""
+    Raises FileError: the file cannot be used, or is a map with holes.
+    """
     from recognition.see.levelling import level
     from whisker_array.identification.piece_map import heights_of
 
-    return piece.height_mm if isinstance(piece, Piece) else heights_of(level(piece))
+    if path.suffix.lower() == SUFFIX:
+        return read_piece(path).height_mm
+    with naming(path):
+        return heights_of(level(read_height_map(path)))

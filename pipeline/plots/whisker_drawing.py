@@ -123,8 +123,7 @@ def _side_view(
     space.add_line((-2.0 * size, 0.0), (end, 0.0), dxfattribs={"linetype": "CONTINUOUS"})
     _text(space, "land", (clamp[0] + 0.5 * size, -1.4 * size), size)
     low, top = clamp[1] - size, clamp[1] + size
-    corners = [(clamp[0], low), (end, low), (end, top), (clamp[0], top)]
-    space.add_lwpolyline(corners, close=True)
+    corners = _box(space, (clamp[0], low), (end, top))
     hatch = space.add_hatch()
     hatch.set_pattern_fill("ANSI31", scale=0.08 * size)
     hatch.paths.add_polyline_path(corners, is_closed=True)
@@ -152,9 +151,8 @@ def _section_view(space: Modelspace, shape: LShaped, start: Point, *, size: floa
             start[0] + _SECTION_SCALE * section.width_mm,
             0.5 * _SECTION_SCALE * section.thickness_mm,
         )
-        low, high = start[1] - half, start[1] + half
-        corners = [(start[0], low), (right, low), (right, high), (start[0], high)]
-        space.add_lwpolyline(corners, close=True)
+        high = start[1] + half
+        corners = _box(space, (start[0], start[1] - half), (right, high))
         above, left = (0.0, high + 2.0 * size), (start[0] - 2.0 * size, 0.0)
         space.add_linear_dim(above, corners[3], corners[2], **dimensions).render()
         space.add_linear_dim(left, corners[0], corners[3], angle=90.0, **dimensions).render()
@@ -166,6 +164,12 @@ def _section_view(space: Modelspace, shape: LShaped, start: Point, *, size: floa
         space.add_linear_dim(above, start, (start[0] + wide, start[1]), text="⌀ <>", **dimensions).render()
         return start[0] + wide + 3.0 * size
     return start[0]
+
+
+def _box(space: Modelspace, low: Point, high: Point) -> list[Point]:
+    corners = [low, (high[0], low[1]), high, (low[0], high[1])]
+    space.add_lwpolyline(corners, close=True)
+    return corners
 
 
 def _text(space: Modelspace, text: str, place: Point, size: float) -> None:

@@ -29,13 +29,12 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     FileError: either cannot be used, or the scan does not fit the relief.
     """
     # imported here: the service itself does not measure, its workers do
-    from pipeline.formats.whisker_file import heights_of_piece, read_piece
+    from pipeline.formats.whisker_file import heights_of_piece
     from whisker_array.identification.bench import WORN_TIP, Unknown
     from whisker_array.identification.fit import identify
 
     recording = read_scan(scan)
-    with naming(relief):
-        heights = heights_of_piece(read_piece(relief))
+    heights = heights_of_piece(relief)
     with naming(scan):
         fitted = identify(recording, heights, whisker=recording.touch, tip_sd=WORN_TIP)
     whiskers = np.array(fitted.whiskers)

@@ -16,7 +16,6 @@ from pipeline.formats.touch_file import read_scan
 from pipeline.formats.whisker_file import (
     WhiskerFile,
     heights_of_piece,
-    read_piece,
     read_whisker_file,
     write_whisker_file,
 )
@@ -57,8 +56,7 @@ def identify_recording(
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
         raise FileError(whisker, "is not an L-shaped whisker", "give the drawing of an L-shaped one")
-    with naming(piece):
-        heights = heights_of_piece(read_piece(piece))
+    heights = heights_of_piece(piece)
     scan = read_scan(recording)
     if drawn is not None:
         scan = replace(scan, touch=drawn.touch)

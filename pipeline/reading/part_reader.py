@@ -31,13 +31,11 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from pipeline.formats.grid import PartMap
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
     from recognition.decide.evidence import Evidence, SenseEvidence
     from recognition.decide.reading import Reading
-    from recognition.find.first_pass import Feel
     from recognition.reader import Reader
     from recognition.see.virtual_array import VirtualArray
     from recognition.surface import OpenStage, Surface
@@ -146,12 +144,12 @@ class PartReader:
             return None, [f"read by touch alone: {problem}"]
 
     def _touch(
-        self, part: PartFiles, top: PartMap | None, again: Retake | None, region_mm: Region | None
+        self, part: PartFiles, top: Surface | None, again: Retake | None, region_mm: Region | None
     ) -> SenseEvidence:
         if top is None:
             scan = read_scan(part.scan, most=MOST_SCAN_SAMPLES if self.limits else None)
             return self.reader.feel_scan(scan if again is None else again.recorded(scan))
-        surface = surface_of(top, part.name)
+        surface = replace(top, part_id=part.name)
         if again is not None:
             feel = again.feel(self.reader.settings.array, soil=top.soil, part_id=part.name)
             surface = replace(surface, feel=feel)
@@ -169,13 +167,6 @@ class PartReader:
             raise VerifyError(
                 f"is {expected!r}, but {'; '.join(broken)}", where=where, hint="correct one of them"
             )
-
-
-def surface_of(top: PartMap, part_id: str = "", *, feel: Feel | None = None) -> Surface:
-    """The surface of a part's map, to be felt by the default plan or by a given function."""
-    from recognition.surface import Surface
-
-    return Surface(top.height_map, top.soil, top.rows_known, part_id, feel)
 
 
 def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:

@@ -8,7 +8,7 @@ from pathlib import Path
 from glyphs.errors import FileError
 from pipeline.common.output_paths import check_writable
 from pipeline.common.settings import SettingsError
-from pipeline.runs.outputs import has_rows, is_store, unfinished
+from pipeline.runs.outputs import STORE_SCHEMES, has_rows, unfinished
 from pipeline.runs.tables import SUFFIXES
 
 
@@ -51,7 +51,7 @@ class RunOptions:
 
     @property
     def store(self) -> str | None:
-        return self.out if self.out is not None and is_store(self.out) else None
+        return self.out if self.out is not None and self.out.startswith(STORE_SCHEMES) else None
 
     def check(self) -> None:
         """Check, before work starts, that the outputs can be written. Raises FileError, SettingsError: they cannot."""

@@ -23,7 +23,7 @@ from glyphs.errors import MissingExtraError
 from pipeline.common import output_paths
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import EvidenceRecord, PartState
+from pipeline.common.records import PartState
 from pipeline.errors import describe_fault
 from pipeline.formats.manifest import COLUMNS, SEVERAL
 from pipeline.formats.part_files import PartFiles, absolute
@@ -35,9 +35,8 @@ from pipeline.runs.workbook import write_workbook
 
 if TYPE_CHECKING:
     from pipeline.common.serial_rules import Objection
-    from pipeline.reading.part_pictures import Picture
 
-_SCHEMES = ("sqlite:///", "postgresql://", "postgresql+")
+STORE_SCHEMES = ("sqlite:///", "postgresql://", "postgresql+")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
@@ -206,11 +205,6 @@ def _quarantined(part: PartFiles, problem: str) -> list[str]:
     return [_CONTROL.sub("?", cell) for cell in cells]  # the table must have one line a part
 
 
-def is_store(name: str) -> bool:
-    """Whether an output is a store's URL."""
-    return name.startswith(_SCHEMES)
-
-
 class RunStore:
     """A store that keeps each part of a run once, known by run, name and files, even if the run is repeated."""
 
@@ -249,7 +243,7 @@ class RunStore:
                 # no stage can scan it any more
                 state=PartState.ACCEPTED if accepted else PartState.REVIEW,
                 readings=(replace(read.record, part=text),),
-                evidence=self._keep_pictures(read.pictures),
+                evidence=() if self._folder is None else self._folder.keep_pictures(read.pictures),
                 expected=part.expected,
                 database=read.record.database,
                 idempotency=IdempotencyKey.of_run(self._run, part.name, read.sha256),
@@ -264,17 +258,3 @@ class RunStore:
 
         name = cleaned(record.part)[:MAX_TEXT]
         self._store.send_to_review(name=name, text=cleaned(record.text), objection=objection)
-
-    def _keep_pictures(self, pictures: Sequence[Picture]) -> list[EvidenceRecord]:
-        if (folder := self._folder) is None:
-            return []
-        return [
-            EvidenceRecord(
-                picture.kind,
-                *folder.keep_content(picture.content),
-                picture.name,
-                picture.media_type,
-                meta=picture.meta,
-            )
-            for picture in pictures
-        ]

@@ -9,7 +9,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Collection
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from glyphs.plain_text import visible
 
@@ -51,24 +51,25 @@ class SparingLog(logging.Handler):
         _log.warning("%s: %s", self._port, visible(message[:300]))
 
 
-class Connection(Protocol):
-    """An open connection."""
+class Peer:
+    """The other end of an open connection.
 
-    @property
-    def block(self) -> str:
-        """See `address_block`."""
+    Attributes:
+        address: empty if it has gone.
+        block: see `address_block`.
+        heard_s: time of its last bytes, by the monotonic clock, s.
+    """
 
-    @property
-    def heard_s(self) -> float:
-        """Time of the last bytes from the caller, by the monotonic clock, s."""
+    transport: Any
+    address = block = ""
+    heard_s = 0.0
+
+    def identify(self, transport: asyncio.BaseTransport | asyncio.StreamWriter) -> None:
+        self.address = str((transport.get_extra_info("peername") or ("",))[0])
+        self.block, self.heard_s = address_block(self.address), time.monotonic()
 
 
-C = TypeVar("C", bound=Connection)
-
-
-def peer_address(transport: asyncio.BaseTransport | asyncio.StreamWriter) -> str:
-    """Address of the other end; empty if it has gone."""
-    return str((transport.get_extra_info("peername") or ("",))[0])
+C = TypeVar("C", bound=Peer)
 
 
 def address_block(address: str) -> str:

@@ -63,7 +63,6 @@ from pipeline.store.store import Store
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from pipeline.reading.part_pictures import Picture
     from pipeline.service.settings import ServiceSettings
     from pipeline.service.worker_calls import WorkerCalls
     from pipeline.store.evidence_folder import EvidenceFolder
@@ -423,10 +422,7 @@ class Intake:
             files = [
                 _evidence(upload, self.evidence.keep(upload.path, sha256=upload.sha256)) for upload in sent
             ]
-            files += [
-                replace(_evidence(picture, self.evidence.keep_content(picture.content)), meta=picture.meta)
-                for picture in done.pictures
-            ]
+            files += self.evidence.keep_pictures(done.pictures)
             written = write(
                 **self._decide(done, part),
                 readings=done.readings,
@@ -500,5 +496,5 @@ def _unread(why: str) -> ReadPart:
     )
 
 
-def _evidence(file: Upload | Picture, content: tuple[str, int]) -> EvidenceRecord:
+def _evidence(file: Upload, content: tuple[str, int]) -> EvidenceRecord:
     return EvidenceRecord(file.kind, *content, file.name, file.media_type)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import secrets
 from collections.abc import Iterable
 from datetime import datetime, timedelta
-from hashlib import sha256
 
 import sqlalchemy as sa
 
@@ -16,7 +15,7 @@ from pipeline.common.names import clean_name, folded
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, NotFoundError, UnfitError, fit
-from pipeline.store.rows import record_of
+from pipeline.store.rows import hash_of, record_of
 from pipeline.store.tables import sessions, tokens
 
 # secret scanners find leaked tokens by it
@@ -28,11 +27,6 @@ SIGNED_IN_S = 12 * 3600
 def new_token() -> str:
     """A secret of 256 random bits."""
     return PREFIX + secrets.token_urlsafe(32)
-
-
-def token_hash(secret: str) -> str:
-    """Stored hash of a secret: SHA-256, without a salt, because 256 random bits cannot be guessed."""
-    return sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def add_token(
@@ -54,7 +48,7 @@ def add_token(
             "the token would have expired or has no time zone", hint="give a time to come in UTC"
         )
     secret = new_token()
-    row = {"name": fit(name, "the token's name"), "secret_hash": token_hash(secret), "scopes": granted}
+    row = {"name": fit(name, "the token's name"), "secret_hash": hash_of(secret), "scopes": granted}
     namesake = _token_name(tx, name)
     if namesake is not None or not tx.insert_if_new(
         tokens, {**row, "created_at": tx.now, "expires_at": expires_at}
@@ -66,7 +60,7 @@ def add_token(
 
 def token(tx: Transaction, secret: str) -> TokenRecord | None:
     """The token with that secret; None if it is unknown, expired or revoked."""
-    return _token_of_hash(tx, token_hash(secret))
+    return _token_of_hash(tx, hash_of(secret))
 
 
 def _token_of_hash(tx: Transaction, secret_hash: str) -> TokenRecord | None:
@@ -102,7 +96,7 @@ def open_session(tx: Transaction, secret: str) -> str | None:
         return None
     tx.execute(sa.delete(sessions).where(sessions.c.created_at <= tx.now - timedelta(seconds=SIGNED_IN_S)))
     cookie = new_token()
-    row = {"cookie_hash": token_hash(cookie), "token_hash": token_hash(secret), "created_at": tx.now}
+    row = {"cookie_hash": hash_of(cookie), "token_hash": hash_of(secret), "created_at": tx.now}
     tx.execute(sa.insert(sessions).values(**row))
     return cookie
 
@@ -110,7 +104,7 @@ def open_session(tx: Transaction, secret: str) -> str | None:
 def session_token(tx: Transaction, cookie: str) -> TokenRecord | None:
     """The token of the session with that cookie; None if there is none now."""
     query = sa.select(sessions.c.token_hash).where(
-        sessions.c.cookie_hash == token_hash(cookie),
+        sessions.c.cookie_hash == hash_of(cookie),
         sessions.c.created_at > tx.now - timedelta(seconds=SIGNED_IN_S),
     )
     hash_of_token = tx.execute(query).scalar_one_or_none()
@@ -119,4 +113,4 @@ def session_token(tx: Transaction, cookie: str) -> TokenRecord | None:
 
 def close_session(tx: Transaction, cookie: str) -> None:
     """End the session with that cookie, if there is one."""
-    tx.execute(sa.delete(sessions).where(sessions.c.cookie_hash == token_hash(cookie)))
+    tx.execute(sa.delete(sessions).where(sessions.c.cookie_hash == hash_of(cookie)))

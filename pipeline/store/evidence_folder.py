@@ -35,8 +35,10 @@ from glyphs.errors import FileError
 from glyphs.file_lock import exclusively
 from glyphs.plain_text import visible
 from pipeline.common.private import open_no_link, private_folder
+from pipeline.common.records import EvidenceRecord
 
 if TYPE_CHECKING:
+    from pipeline.reading.part_pictures import Picture
     from pipeline.store.store import Store
 
 # maximum plausible time between two sweeps, seconds: a plant that stands still for a month
@@ -130,6 +132,12 @@ class EvidenceFolder:
                 return self.keep(Path(name), sha256=hashlib.sha256(content).hexdigest())
             finally:
                 Path(name).unlink(missing_ok=True)
+
+    def keep_pictures(self, pictures: Iterable[Picture]) -> list[EvidenceRecord]:
+        return [
+            EvidenceRecord(p.kind, *self.keep_content(p.content), p.name, p.media_type, p.meta)
+            for p in pictures
+        ]
 
     def path(self, sha256: str) -> Path:
         """Path for the file with that hash, whether it exists or not. Raises ValueError: no hash."""

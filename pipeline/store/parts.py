@@ -18,7 +18,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from hashlib import sha256
 from typing import Any, NamedTuple, Required, TypedDict, Unpack
 
 import sqlalchemy as sa
@@ -44,7 +43,7 @@ from pipeline.store.errors import (
     cleaned,
     fit,
 )
-from pipeline.store.rows import READ, Event, add_events, part_by_id, write_part
+from pipeline.store.rows import READ, Event, add_events, hash_of, part_by_id, write_part
 from pipeline.store.tables import idempotency as keys
 from pipeline.store.tables import parts
 
@@ -255,14 +254,14 @@ class IdempotencyKey:
 
 def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
     """(fingerprint, part id) of the request with that idempotency key; None if there was none."""
-    query = sa.select(keys.c.fingerprint, keys.c.part_id).where(keys.c.key_hash == _hash(key))
+    query = sa.select(keys.c.fingerprint, keys.c.part_id).where(keys.c.key_hash == hash_of(key))
     row = tx.execute(query).one_or_none()
     return None if row is None else (row.fingerprint, row.part_id)
 
 
 def known_keys(tx: Transaction, files: Iterable[str]) -> frozenset[str]:
     """Those of the keys that already belong to a part."""
-    hashes = {_hash(key): key for key in files}
+    hashes = {hash_of(key): key for key in files}
     wanted, present = list(hashes), list[str]()
     for k in range(0, len(wanted), MAX_ROWS):
         some = keys.c.key_hash.in_(wanted[k : k + MAX_ROWS])
@@ -272,7 +271,7 @@ def known_keys(tx: Transaction, files: Iterable[str]) -> frozenset[str]:
 
 def renew_keys(tx: Transaction, present: Iterable[str], *, before: datetime) -> None:
     """Renew the keys of files that are still there, if they were last renewed before a time."""
-    hashes = [_hash(key) for key in present]
+    hashes = [hash_of(key) for key in present]
     for k in range(0, len(hashes), MAX_ROWS):
         old = sa.and_(keys.c.key_hash.in_(hashes[k : k + MAX_ROWS]), keys.c.at < before)
         tx.execute(sa.update(keys).where(old).values(at=tx.now))
@@ -291,15 +290,11 @@ def _claim_key(tx: Transaction, key: IdempotencyKey | None, part_id: str) -> Non
     if key is None:
         return
     fingerprint = fit(key.fingerprint, "the fingerprint")
-    row = {"key_hash": _hash(key.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
+    row = {"key_hash": hash_of(key.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
     if not tx.insert_if_new(keys, row) and (done := find_request(tx, key.key)) is not None:
         raise AlreadyDoneError(part_id=done[1], fingerprint=done[0])
     for file in key.files:
-        tx.insert_if_new(keys, row | {"key_hash": _hash(file)})
-
-
-def _hash(key: str) -> str:
-    return sha256(key.encode("utf-8", "surrogatepass")).hexdigest()
+        tx.insert_if_new(keys, row | {"key_hash": hash_of(file)})
 
 
 # ---- checks of serials against the parts in the store

@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
+from hashlib import sha256
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -194,6 +195,12 @@ def claim_evidence_folder(tx: Transaction, identity: str) -> str:
     if claimed is None:
         tx.execute(sa.text(f"COMMENT ON TABLE evidence IS '{_HEX.sub('', identity)}'"))
     return claimed or identity
+
+
+def hash_of(secret: str) -> str:
+    """Stored hash of a token's secret or of a key: SHA-256, without a salt, because 256 random bits cannot be
+    guessed."""
+    return sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def record_of(kind: type[T], row: AnyRow) -> T:

@@ -30,13 +30,7 @@ from typing import Any
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.version import program_version
-from pipeline.service.connections import (
-    WRITE_S,
-    SparingLog,
-    address_block,
-    longest_idle_of_busiest,
-    peer_address,
-)
+from pipeline.service.connections import WRITE_S, Peer, SparingLog, longest_idle_of_busiest
 from pipeline.service.tasks import start
 
 try:
@@ -215,20 +209,18 @@ class _Listener(BinaryServer):
         return _Connection(self)
 
 
-class _Connection(OPCUAProtocol):
+class _Connection(OPCUAProtocol, Peer):
     def __init__(self, listener: _Listener) -> None:
         super().__init__(
             listener.iserver, listener._policies, listener.clients, listener.closing_tasks, listener.limits
         )
         self.server, self.log = listener.server, listener.server.log
-        self.address, self.gone, self.faults = "", False, 0
-        self.block, self.heard_s = "", 0.0
+        self.gone, self.faults = False, 0
         self.unread: asyncio.TimerHandle | None = None
         self.calls: set[asyncio.Future[Any]] = set()
 
     def connection_made(self, transport: Any) -> None:
-        self.address = peer_address(transport)
-        self.block, self.heard_s = address_block(self.address), time.monotonic()
+        self.identify(transport)
         anonymous = [client for client in self._live() if not client.signed_in]
         if len(anonymous) >= MOST_ANONYMOUS:
             longest_idle_of_busiest(anonymous).disconnect("others wait")

@@ -24,7 +24,7 @@ import re
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from string import Formatter
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -35,7 +35,7 @@ from pipeline.common.line_decision import NO_READING, decision_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.connections import SparingLog, address_block, longest_idle_of_busiest, peer_address
+from pipeline.service.connections import Peer, SparingLog, longest_idle_of_busiest
 from pipeline.service.inputs.trigger import answer_of, in_words
 from pipeline.service.settings import host_and_port
 from pipeline.service.tasks import end_tasks
@@ -194,6 +194,7 @@ class TcpPort:
         task = asyncio.current_task()
         assert task is not None
         caller = _Caller(writer)
+        caller.identify(writer)
         # a task of the stream server that ends as cancelled is logged as a failure
         try:
             if self._clients and not is_in(caller.address, self._clients):
@@ -289,19 +290,10 @@ class TcpPort:
 
 
 @dataclass(eq=False)
-class _Caller:
+class _Caller(Peer):
     writer: asyncio.StreamWriter
     spoken: bool = False
     idle: bool = True
-    heard_s: float = field(default_factory=time.monotonic)
-
-    @property
-    def address(self) -> str:
-        return peer_address(self.writer)
-
-    @property
-    def block(self) -> str:
-        return address_block(self.address)
 
 
 async def _lines(reader: asyncio.StreamReader, limits: TcpLimits) -> AsyncIterator[bytes]:

@@ -20,20 +20,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
 import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from pipeline.service.connections import (
-    MOST_CONNECTIONS,
-    WRITE_S,
-    SparingLog,
-    address_block,
-    longest_idle_of_busiest,
-    peer_address,
-)
+from pipeline.service.connections import MOST_CONNECTIONS, WRITE_S, Peer, SparingLog, longest_idle_of_busiest
 from pipeline.service.web.access import is_in
 from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
 
@@ -79,10 +72,10 @@ class Room:
 
     def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
         self._an_address, self._most, self._proxies = an_address, most, proxies
-        self._open: set[_OpenConnection] = set()
+        self._open: set[Peer] = set()
         self._log = SparingLog("web interface")
 
-    def enter(self, connection: _OpenConnection) -> bool:
+    def enter(self, connection: Peer) -> bool:
         """Count a connection; False if its address has too many."""
         n_same = sum(other.block == connection.block for other in self._open)
         if n_same >= self._an_address and not self._is_proxy(connection):
@@ -99,18 +92,11 @@ class Room:
         self._open.add(connection)
         return True
 
-    def leave(self, connection: _OpenConnection) -> None:
+    def leave(self, connection: Peer) -> None:
         self._open.discard(connection)
 
-    def _is_proxy(self, connection: _OpenConnection) -> bool:
+    def _is_proxy(self, connection: Peer) -> bool:
         return is_in(connection.address, self._proxies)
-
-
-class _OpenConnection(Protocol):
-    transport: Any
-    address: str
-    block: str
-    heard_s: float
 
 
 def patient_protocol(
@@ -118,17 +104,15 @@ def patient_protocol(
 ) -> Any:
     """Make the factory of HTTP protocols, with limits, s, for handshakes and request heads, and for reading answers."""
 
-    class PatientProtocol(H11Protocol):
+    class PatientProtocol(H11Protocol, Peer):
         _head_timer: asyncio.TimerHandle | None = None
         _write_timer: asyncio.TimerHandle | None = None
-        address = block = ""
-        heard_s = 0.0
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
             self.app_state = {**self.app_state, "connection": {}}  # shared by all requests of this connection
             self.transport = _Lingering(transport, self, write_s=write_s)  # type: ignore[assignment]
-            _identify(self, transport)
+            self.identify(transport)
             if room.enter(self):
                 self._wait_for_head()
             else:
@@ -189,16 +173,8 @@ def patient_protocol(
     return lambda **options: _Handshake(PatientProtocol(**options), room, tls, head_s)
 
 
-def _identify(connection: _OpenConnection, transport: Any) -> None:
-    connection.address = peer_address(transport)
-    connection.block, connection.heard_s = address_block(connection.address), time.monotonic()
-
-
-class _Handshake(asyncio.Protocol):
+class _Handshake(asyncio.Protocol, Peer):
     """A connection until the end of its TLS handshake, which asyncio itself would neither count nor end soon."""
-
-    address = block = ""
-    heard_s = 0.0
 
     def __init__(self, http: H11Protocol, room: Room, tls: ssl.SSLContext, head_s: float) -> None:
         self._http, self._room, self._tls, self._head_s = http, room, tls, head_s
@@ -207,7 +183,7 @@ class _Handshake(asyncio.Protocol):
     def connection_made(self, transport: Any) -> None:
         self.transport = transport
         transport.pause_reading()  # until `start_tls` has taken over
-        _identify(self, transport)
+        self.identify(transport)
         if self._room.enter(self):
             self._task = asyncio.get_running_loop().create_task(self._shake_hands())
         else:

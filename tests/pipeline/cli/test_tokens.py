@@ -12,8 +12,9 @@ from pipeline.cli.exit_status import FAILED, USAGE
 from pipeline.cli.main import main
 from pipeline.common.names import HiddenCharacterError
 from pipeline.common.records import Scope, TokenRecord
-from pipeline.store.access import new_token, token_hash
+from pipeline.store.access import new_token
 from pipeline.store.errors import ConflictError, NotFoundError, UnfitError
+from pipeline.store.rows import hash_of
 from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock
 
@@ -30,12 +31,12 @@ def test_a_token_is_known_by_its_secret(store: Store, store_url: str) -> None:
     record = TokenRecord("line-3", frozenset({Scope.READ, Scope.WRITE}), START)
     assert store.token(secret) == record
     assert store.tokens() == (record,)
-    for wrong in ("", secret[:-1], secret + "A", "tm_", token_hash(secret), "\x00", "\ud800", "line-3"):
+    for wrong in ("", secret[:-1], secret + "A", "tm_", hash_of(secret), "\x00", "\ud800", "line-3"):
         assert store.token(wrong) is None
     if store_url.startswith("sqlite"):
         path = Path(store_url.removeprefix("sqlite:///"))
         written = b"".join(p.read_bytes() for p in path.parent.glob(path.name + "*"))
-        assert token_hash(secret).encode() in written
+        assert hash_of(secret).encode() in written
         assert secret.encode() not in written
 
 

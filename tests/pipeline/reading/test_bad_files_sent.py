@@ -21,7 +21,6 @@ from pipeline.formats.kinds import file_kind
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import read_part_map
 from pipeline.reading.part_job import PartJob, read_sent
-from pipeline.reading.part_reader import surface_of
 from pipeline.workers.pool import WorkPool
 from recognition import Reader
 from recognition.decide.evidence import Evidence
@@ -172,7 +171,7 @@ def npz(known: Known, path: Path, *, flat: bool = False) -> Path:
 def test_a_map_of_any_gaps_is_read_or_refused_in_words(known: Known, flat: bool, tmp_path: Path) -> None:
     with contextlib.suppress(MarksError):
         top = read_part_map(npz(known, tmp_path / "a.npz", flat=flat))
-        reading = READER.decide(Evidence.of(READER.feel(surface_of(top))))
+        reading = READER.decide(Evidence.of(READER.feel(top)))
         assert 0.0 <= reading.confidence <= 1.0
 
 
@@ -193,4 +192,4 @@ FOUR[[0, 9, 50, -1], [0, 9, 20, -1]] = True
 )
 def test_heights_that_show_no_surface_are_refused(known: Known, why: str, tmp_path: Path) -> None:
     with pytest.raises(MarksError, match=why):
-        READER.feel(surface_of(read_part_map(npz(known, tmp_path / "a.npz"))))
+        READER.feel(read_part_map(npz(known, tmp_path / "a.npz")))
