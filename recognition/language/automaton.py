@@ -13,11 +13,11 @@ listed: 36^8 strings with a check character are 8 layers of 37 states.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +30,18 @@ MOST_STATES = 100_000
 """Most states of all layers together: 30 MB with the usual 36 characters, and 0.1 s for each sweep."""
 
 
-class Machine(Protocol):
-    """One rule as a state machine over characters."""
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """One rule as a state machine over the characters of texts of one length.
 
-    def start(self, n_places: int) -> int:
-        """The state before the first of `n_places` characters."""
+    Attributes:
+        table: of a place, (states, C): the next state of each state and character; -1 where not allowed.
+        accepts: (states,) whether the text may end in this state.
+    """
 
-    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> Places:
-        """(states, C): the next state of each state and character at this place; -1 where not allowed."""
-
-    def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        """(states,): whether the text may end in this state."""
+    table: Callable[[int], Places]
+    accepts: NDArray[np.bool_]
+    start: int = 0
 
 
 class _Path(NamedTuple):
@@ -203,7 +204,7 @@ def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:
 def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
     """Combine machines to one automaton of the strings of a length that all allow. Raises FormatError for too many."""
     none = Automaton(chars, (np.empty((0, len(chars)), dtype=np.int64),) * n_places)
-    here = np.array([[m.start(n_places) for m in machines]], dtype=np.int64)
+    here = np.array([[m.start for m in machines]], dtype=np.int64)
     steps: list[Places] = []
     states = 0
     for place in range(n_places):
@@ -217,7 +218,7 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
         allowed = np.ones((here.shape[0], len(chars)), dtype=bool)
         parts = []
         for k, machine in enumerate(machines):
-            to = machine.table(place, n_places, chars)[here[:, k]]
+            to = machine.table(place)[here[:, k]]
             allowed &= to >= 0
             parts.append(to)
         if not allowed.any():
@@ -229,7 +230,7 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
         steps.append(step)
     good = np.ones(here.shape[0], dtype=bool)
     for k, machine in enumerate(machines):
-        good &= machine.accepts(n_places)[here[:, k]]
+        good &= machine.accepts[here[:, k]]
     for place in range(n_places - 1, -1, -1):
         number = np.where(good, np.cumsum(good) - 1, -1)
         step = np.where(steps[place] >= 0, number[steps[place]], -1)

@@ -5,12 +5,12 @@ As text: see `recognition.language.format_text`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.language.automaton import Automaton, Machine, Strings, WordList, encode, unroll
@@ -192,20 +192,6 @@ def _core_accepts(part: Grammar, text: str) -> bool:
     return not isinstance(strings, Automaton) or bool(strings.accepts(codes)[0])
 
 
-@dataclass(frozen=True)
-class _SetsMachine:
-    allowed: tuple[str, ...]
-
-    def start(self, n_places: int) -> int:
-        return 0
-
-    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        return np.array([[0 if c in self.allowed[place] else -1 for c in chars]], dtype=np.int64)
-
-    def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        return np.ones(1, dtype=bool)
-
-
 @lru_cache(maxsize=128)
 def _characters(grammar: Grammar) -> tuple[str, ...]:
     known = set(grammar.alphabet)
@@ -220,33 +206,31 @@ def _characters(grammar: Grammar) -> tuple[str, ...]:
 
 @lru_cache(maxsize=32)
 def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings:
-    machines: list[Machine] = [c for c in grammar.checks if c.remainder is not None]
+    machines = [check.machine(n_places, chars) for check in grammar.checks if check.remainder is not None]
+    sets: list[Sequence[str]] = []
     if grammar.format is not None:
         every = allowed_characters(grammar.format, exclude=grammar.exclude)
-        machines.append(_SetsMachine(_as_long([p for p in every if p != " "], n_places)))
+        sets.append([place for place in every if place != " "])
     elif grammar.exclude:
-        remaining = "".join(c for c in chars if c not in grammar.exclude)
-        machines.append(_SetsMachine((remaining,) * n_places))
+        sets.append(["".join(c for c in chars if c not in grammar.exclude)] * n_places)
     if grammar.sets is not None:
-        machines.append(_SetsMachine(_as_long(grammar.sets, n_places)))
+        sets.append(grammar.sets)
     if grammar.expression is not None:
-        machines.append(expression_machine(grammar.expression, chars))
+        machines.append(expression_machine(grammar.expression, chars).machine)
     if grammar.format is None and grammar.sets is None and grammar.expression is None:
-        known = "".join(_characters(grammar))
-        machines.append(_SetsMachine((known,) * n_places))
+        sets.append(["".join(_characters(grammar))] * n_places)
+    machines += [_sets_machine(allowed, n_places, chars) for allowed in sets]
     automaton = unroll(machines, n_places, chars)
     if grammar.lexicon is None:
         return automaton
     known_chars = set(chars)
     words = sorted(w for w in grammar.lexicon if len(w) == n_places and known_chars.issuperset(w))
-    kept_words = (
-        (w for w, good in zip(words, automaton.accepts(encode(words, chars)), strict=True) if good)
-        if words
-        else ()
-    )
-    return WordList(chars, tuple(w for w in kept_words if all(check.holds(w) for check in grammar.opaque)))
+    if not words:
+        return WordList(chars, ())
+    allowed_words = compress(words, automaton.accepts(encode(words, chars)))
+    return WordList(chars, tuple(w for w in allowed_words if all(c.holds(w) for c in grammar.opaque)))
 
 
-def _as_long(sets: Iterable[str], n_places: int) -> tuple[str, ...]:
-    sets = tuple(sets)
-    return sets if len(sets) == n_places else ("",) * n_places
+def _sets_machine(allowed: Sequence[str], n_places: int, chars: tuple[str, ...]) -> Machine:
+    sets = allowed if len(allowed) == n_places else [""] * n_places
+    return Machine(lambda place: np.array([[0 if c in sets[place] else -1 for c in chars]]), np.ones(1, bool))
