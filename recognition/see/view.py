@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,7 +218,7 @@ def photo_view(photo: Photo) -> View:
     return View(ViewKind.PHOTO, layers, photo_pitch_mm(photo), photo_origin_mm(photo))
 
 
-def layers_of(layer: int, values: NDArray[np.floating], known: NDArray[np.bool_] | bool = True) -> Layers:
+def layers_of(layer: int, values: NDArray[Any], known: NDArray[np.bool_] | bool = True) -> Layers:
     """Layers of a view with heights or brightness only."""
     layers = np.zeros((LAYERS, *values.shape), dtype=np.float32)
     layers[KNOWN] = known
