@@ -61,9 +61,9 @@ class Grammar:
         lengths = self.lengths()
         # the longest serials need the most states: a format that is too complex is refused here, not while it is read
         longest = MOST_PLACES if lengths is None else max(lengths, default=0)
-        if not self.strings(longest).empty or lengths is None:
+        if self.strings(longest) is not None or lengths is None:
             return
-        if any(not self.strings(n).empty for n in sorted(lengths)):
+        if any(self.strings(n) is not None for n in sorted(lengths)):
             return
         raise FormatError(
             f"no serial meets {self}",
@@ -136,7 +136,7 @@ class Grammar:
     def places(self, n_places: int) -> tuple[str, ...] | None:
         """The characters at each place of the serials of a length, or too many; None without such a serial."""
         strings = self.strings(n_places)
-        return None if strings.empty else strings.places
+        return None if strings is None else strings.places
 
     @property
     def fixed_places(self) -> tuple[str, ...] | None:
@@ -144,8 +144,8 @@ class Grammar:
         lengths = self.lengths()
         return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
 
-    def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
-        """Return the serials of a length with only these characters; `opaque` checks only narrow a lexicon."""
+    def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings | None:
+        """Return the serials of a length with only these characters, if any; `opaque` checks only narrow a lexicon."""
         return _strings(self, n_places, self.characters if chars is None else chars)
 
     def allows(self, text: str) -> bool:
@@ -172,15 +172,13 @@ class Grammar:
 
     def _parts(self) -> list[Grammar]:
         bare = Grammar(exclude=self.exclude, alphabet="".join(self.characters))
-        parts = []
-        if self.format is not None:
-            parts.append(replace(bare, format=self.format))
-        if self.expression is not None:
-            parts.append(
-                replace(bare, expression=self.expression, alphabet=self.alphabet, elements=self.elements)
-            )
-        if self.sets is not None:
-            parts.append(replace(bare, sets=self.sets))
+        # fields of each part; without the first one the part is not there
+        kinds = (("format",), ("expression", "alphabet", "elements"), ("sets",))
+        parts = [
+            replace(bare, **{name: getattr(self, name) for name in names})
+            for names in kinds
+            if getattr(self, names[0]) is not None
+        ]
         return parts or ([bare] if self.lexicon is None else [])
 
 
@@ -189,7 +187,7 @@ def _core_accepts(part: Grammar, text: str) -> bool:
         return False
     strings = part.strings(len(text))
     codes = encode([text], part.characters)
-    return not isinstance(strings, Automaton) or bool(strings.accepts(codes)[0])
+    return isinstance(strings, Automaton) and bool(strings.accepts(codes)[0])
 
 
 @lru_cache(maxsize=128)
@@ -205,7 +203,7 @@ def _characters(grammar: Grammar) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=32)
-def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings:
+def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings | None:
     machines = [check.machine(n_places, chars) for check in grammar.checks if check.remainder is not None]
     sets: list[Sequence[str]] = []
     if grammar.format is not None:
@@ -221,14 +219,14 @@ def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings
         sets.append(["".join(_characters(grammar))] * n_places)
     machines += [_sets_machine(allowed, n_places, chars) for allowed in sets]
     automaton = unroll(machines, n_places, chars)
-    if grammar.lexicon is None:
+    if grammar.lexicon is None or automaton is None:
         return automaton
     known_chars = set(chars)
     words = sorted(w for w in grammar.lexicon if len(w) == n_places and known_chars.issuperset(w))
-    if not words:
-        return WordList(chars, ())
-    allowed_words = compress(words, automaton.accepts(encode(words, chars)))
-    return WordList(chars, tuple(w for w in allowed_words if all(c.holds(w) for c in grammar.opaque)))
+    if words:
+        words = list(compress(words, automaton.accepts(encode(words, chars))))
+    words = [word for word in words if all(check.holds(word) for check in grammar.opaque)]
+    return WordList(chars, tuple(words)) if words else None
 
 
 def _sets_machine(allowed: Sequence[str], n_places: int, chars: tuple[str, ...]) -> Machine:

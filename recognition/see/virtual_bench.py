@@ -33,20 +33,10 @@ class VirtualBench:
 
     __repr__ = one_line
 
-    @classmethod
-    def mount(
-        cls,
-        height_map: HeightMap,
-        height_mm: float,
-        array: VirtualArray = USUAL_ARRAY,
-        *,
-        soil: Soil | None = None,
-        friction: float | None = None,
-        part_id: str = "",
-    ) -> VirtualBench:
-        """Mount any height map: turned square to the plate, and levelled. Raises MapError."""
-        squared, soil = square_to_plate(height_map, soil)
-        return cls(level(squared), height_mm, array, soil, friction, part_id)
+    def mounted(self) -> VirtualBench:
+        """The bench with its height map turned square to the plate, and levelled. Raises MapError."""
+        squared, soil = square_to_plate(self.height_map, self.soil)
+        return replace(self, height_map=level(squared), soil=soil)
 
     @property
     def whole(self) -> RasterPlan:
