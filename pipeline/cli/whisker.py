@@ -146,9 +146,9 @@ def scan_actively(
     session.close()
     if reading.scan is None:
         raise CommandError(f"scan: no pass could be scanned: {reading.problem}", hint="check the stage")
-    for felt in reading.passes:
+    for felt, end_s in zip(reading.passes, reading.ends_s, strict=True):
         text = f"  {felt.text} {felt.confidence:.2f}" if felt.text else ""
-        print(f"{felt.stage_s:6.1f} s  {felt.order.describe()}{text}")
+        print(f"{end_s:6.1f} s  {felt.order.describe()}{text}")
     save_scan(reading.scan, out)
     print(f"wrote {out}: characters {height_mm:.2f} mm; {reading.describe()}")
 
