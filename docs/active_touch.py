@@ -104,7 +104,8 @@ def _feel() -> FeltPart:
 @styled
 def _frame(part: FeltPart, n: int) -> Image.Image:
     """Draw the state after pass n, from 0."""
-    passes, (width, height) = part.found.passes, part.height_map.size_mm
+    passes, ends_s = part.found.passes, part.found.ends_s
+    width, height = part.height_map.size_mm
     heights = (height / width, height / width, _BARS_IN / _WIDTH_IN)
     figure = Figure(figsize=(_WIDTH_IN, _WIDTH_IN * sum(heights) + 1.2))
     surface, felt, below = figure.subplots(3, 1, height_ratios=heights)
@@ -119,7 +120,7 @@ def _frame(part: FeltPart, n: int) -> Image.Image:
         )
         draw(one.order.line_mm, *one.order.along_mm, **shown)
     surface.set_title(f"pass {n + 1}: {passes[n].why or 'lines felt'}")
-    surface.set_title(f"{passes[n].stage_s:.1f} s of stage time", loc="right", family="monospace")
+    surface.set_title(f"{ends_s[n]:.1f} s of stage time", loc="right", family="monospace")
     felt.set_facecolor("#e1e1e1")
     felt.set_title("felt by the whiskers")
     edges = part.edges[n]
@@ -129,11 +130,12 @@ def _frame(part: FeltPart, n: int) -> Image.Image:
         _image(felt, value, edges.pitch_mm, edges.origin_mm, cmap="RdBu_r", limits=(-top, top))
     for axes in (surface, felt):
         axes.set(xlim=(0.0, width), ylim=(height, 0.0), xticks=(), yticks=(), aspect="auto")
-    looks = [one for one in passes[: n + 1] if one.text]
-    below.plot([one.stage_s for one in looks], [one.confidence for one in looks], "o-", color=_NEWEST)
+    looked = [k for k, one in enumerate(passes[: n + 1]) if one.text]
+    looks = [passes[k] for k in looked]
+    below.plot([ends_s[k] for k in looked], [one.confidence for one in looks], "o-", color=_NEWEST)
     below.axhline(part.sure_from, color=_QUIET, linewidth=0.8, linestyle="--")
     below.set(
-        xlim=(0.0, 1.05 * passes[-1].stage_s), ylim=(0.0, 1.1), xlabel="seconds of stage time",
+        xlim=(0.0, 1.05 * ends_s[-1]), ylim=(0.0, 1.1), xlabel="seconds of stage time",
         ylabel="confidence",
     )  # fmt: skip
     title = f"{looks[-1].text}: {looks[-1].confidence:.3f}" if looks else "nothing to be read yet"

@@ -7,10 +7,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from whisker_array.scan.scan import Scan
 
     Readable: TypeAlias = HeightMap | Scan | Photo | Part | NDArray[Any]
+
+T = TypeVar("T")
 
 
 class Reader:
@@ -96,17 +99,23 @@ class Reader:
 
         Raises MapError for a map that cannot be scanned, TypeError for anything else, ValueError without a pitch.
         """
+        from glyphs.part import Part
+        from glyphs.surface.maps import HeightMap
         from recognition.decide.evidence import Evidence
         from recognition.surface import Surface
+        from whisker_array.scan.scan import Scan
 
-        data = _data_of((part, *more), pitch_mm)
+        data = [_typed(item, pitch_mm) for item in (part, *more)]
+        surface, scan = _only(HeightMap, data), _only(Scan, data)
+        photo = _joined_photo(data, surface)
+        soil = next((item.soil for item in (part, *more) if isinstance(item, Part)), None) or soil
         touch, vision = None, None
-        if data.scan is not None:
-            touch = self.feel_scan(data.scan)
-        elif data.surface is not None:
-            touch = self.feel(Surface(data.surface, data.soil or soil, part_id=part_id))
-        if data.photo is not None:
-            vision = self.look_at(data.photo)
+        if scan is not None:
+            touch = self.feel_scan(scan)
+        elif surface is not None:
+            touch = self.feel(Surface(surface, soil, part_id=part_id))
+        if photo is not None:
+            vision = self.look_at(photo)
         return self.decide(Evidence(touch, vision))
 
     def feel(self, surface: Surface) -> SenseEvidence:
@@ -144,32 +153,21 @@ class Reader:
         return self.decide(replace(reading.evidence, expected=expected))
 
 
-@dataclass(frozen=True)
-class _PartData:
-    scan: Scan | None
-    surface: HeightMap | None
-    soil: Soil | None
-    photo: Photo | None
+def _only(kind: type[T], data: Sequence[object]) -> T | None:
+    of_kind = [item for item in data if isinstance(item, kind)]
+    if len(of_kind) > 1:
+        raise ValueError(f"two of {kind.__name__} are given; read one part at a time")
+    return of_kind[0] if of_kind else None
 
 
-def _data_of(items: tuple[Readable, ...], pitch_mm: float | None) -> _PartData:
+def _joined_photo(data: Sequence[object], surface: HeightMap | None) -> Photo | None:
     from glyphs.camera.photo import Photo
-    from glyphs.part import Part
-    from glyphs.surface.maps import HeightMap
-    from whisker_array.scan.scan import Scan
 
-    data = [_typed(item, pitch_mm) for item in items]
-    surfaces = [item for item in data if isinstance(item, HeightMap)]
-    scans = [item for item in data if isinstance(item, Scan)]
     photos = [item for item in data if isinstance(item, Photo)]
-    for kind in (surfaces, scans):
-        if len(kind) > 1:
-            raise ValueError(f"two of {type(kind[0]).__name__} are given; read one part at a time")
-    soil = next((item.soil for item in items if isinstance(item, Part)), None)
-    photo = replace(photos[0], others=(*photos[0].others, *photos[1:])) if photos else None
-    if photo is not None and surfaces:
-        photo = centre_on(photo, surfaces[0])
-    return _PartData(scans[0] if scans else None, surfaces[0] if surfaces else None, soil, photo)
+    if not photos:
+        return None
+    photo = replace(photos[0], others=(*photos[0].others, *photos[1:]))
+    return photo if surface is None else centre_on(photo, surface)
 
 
 def _typed(item: Readable, pitch_mm: float | None) -> HeightMap | Scan | Photo:

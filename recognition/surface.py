@@ -62,14 +62,14 @@ class Surface(OneLine):
 def evidence_of_surface(touch: TactileReader, surface: Surface) -> SenseEvidence:
     """Scan a surface, and make evidence of what is felt; a stage has no time limit but `budget_s`. Raises MapError."""
     deadline = Deadline(None if surface.stage else touch.settings.limit_s)
-    evidence = _feel_in_either_order(touch.until(deadline), surface)
+    evidence = _feel_in_either_order(touch.requesting(deadline=deadline), surface)
     return evidence.logged(stopped=deadline.stopped)
 
 
 def _feel_in_either_order(touch: TactileReader, surface: Surface) -> SenseEvidence:
     if surface.rows_known:
         return _feel(touch, surface)
-    touch = touch.with_unknown_rows()
+    touch = touch.requesting(rows_known=False)  # lines are read mirrored as well
     evidence = _feel(touch, surface)
     # a simulated second measurement has the dirt on the map as given, and cannot be mirrored
     if surface.feel is not None and surface.soil is not None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class TactileReader:
         with times.step("faults"):
             faults = find_faults(scan)
             usable = flag_faults(scan, faults)
-        evidence = self.until(deadline).of_scan(usable, times=times)
+        evidence = self.requesting(deadline=deadline).of_scan(usable, times=times)
         findings = (*bench_findings(faults), *evidence.log.findings)
         return evidence.logged(findings=findings, stopped=deadline.stopped)
 
@@ -102,15 +103,10 @@ class TactileReader:
         """The reading by touch alone, to choose the surest of several looks."""
         return decide(Evidence.of(evidence), self.settings)
 
-    def until(self, deadline: Deadline) -> TactileReader:
+    def requesting(self, **fields: Any) -> TactileReader:
+        """The same reader with other fields of its request."""
         reader = copy(self)
-        reader.request = replace(self.request, deadline=deadline)
-        return reader
-
-    def with_unknown_rows(self) -> TactileReader:
-        """The same reader for scans whose rows may be in reverse order: lines are read mirrored as well."""
-        reader = copy(self)
-        reader.request = replace(self.request, rows_known=False)
+        reader.request = replace(self.request, **fields)
         return reader
 
     def may_be_mirrored(self, evidence: SenseEvidence, reading: Reading) -> bool:

@@ -85,7 +85,7 @@ def _read(out: Path, settings: ReadSettings) -> int:
         plate = stamp(**stamping, seed=(_SEED, number))
         write_npz(out / f"{name}.npz", plate.height_map)
         array = replace(virtual_array(settings), seed=_SEED + number)
-        scan = VirtualBench.mount(plate.height_map, plate.height_mm, array, part_id=name).scan()
+        scan = VirtualBench(plate.height_map, plate.height_mm, array, part_id=name).mounted().scan()
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
         save_calibration(recording, calibrate_scan(scan).calibration)

@@ -100,7 +100,7 @@ def scan(
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
     array = VirtualArray(built.touch if built else None, Sensors(sensors), Fidelity(fidelity), seed)
-    bench = VirtualBench.mount(surface, height, array, soil=soil, friction=friction, part_id=height_map.stem)
+    bench = VirtualBench(surface, height, array, soil, friction, height_map.stem).mounted()
     if active:
         return scan_actively(bench.open_session(), out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)
@@ -146,9 +146,9 @@ def scan_actively(
     session.close()
     if reading.scan is None:
         raise CommandError(f"scan: no pass could be scanned: {reading.problem}", hint="check the stage")
-    for felt in reading.passes:
+    for felt, end_s in zip(reading.passes, reading.ends_s, strict=True):
         text = f"  {felt.text} {felt.confidence:.2f}" if felt.text else ""
-        print(f"{felt.stage_s:6.1f} s  {felt.order.describe()}{text}")
+        print(f"{end_s:6.1f} s  {felt.order.describe()}{text}")
     save_scan(reading.scan, out)
     print(f"wrote {out}: characters {height_mm:.2f} mm; {reading.describe()}")
 

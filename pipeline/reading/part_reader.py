@@ -177,7 +177,7 @@ def simulated_stage(array: VirtualArray, part_id: str) -> OpenStage:
     def open_stage(
         surface: HeightMap, soil: Soil | None, height_mm: float, region_mm: Region | None
     ) -> StageSession:
-        bench = VirtualBench.mount(surface, height_mm, array, soil=soil, part_id=part_id)
+        bench = VirtualBench(surface, height_mm, array, soil=soil, part_id=part_id).mounted()
         session: StageSession = bench.open_session()
         if region_mm is None:
             return session

@@ -120,7 +120,7 @@ class Retake:
             array = replace(array, sensors=Sensors.REAL, seed=seed, noise_seed=self.seed)
 
         def scan(surface: HeightMap, height_mm: float) -> Scan:
-            bench = VirtualBench.mount(surface, height_mm, array, soil=soil, part_id=part_id)
+            bench = VirtualBench(surface, height_mm, array, soil=soil, part_id=part_id).mounted()
             x0, y0, x1, y1 = bench.whole.region_mm
             right, down = self._shift_mm(bench.whole.line_pitch_mm)
             plan = replace(bench.whole, region_mm=(x0 + right, y0 + down, x1, y1))

@@ -17,7 +17,7 @@ import numpy as np
 
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import EdgeMap, MapError
-from recognition.active.active_reading import ActiveReading, PassResult, StopReason, stage_failure
+from recognition.active.active_reading import ActiveReading, StopReason, stage_failure
 from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
@@ -29,6 +29,7 @@ from recognition.see.text_line import TextLine
 from recognition.touch import TactileReader, bench_findings, nothing_felt, see_scan
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults, flag_faults
+from whisker_array.scan.pass_log import LoggedPass
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession, gather_sweeps
 from whisker_array.scan.stage_error import StageError
@@ -100,8 +101,7 @@ class _Part:
     session: StageSession
     requested_mm: Region | None
     line: TextLine | None
-    sweeps: list[Sweep] = field(default_factory=list)
-    passes: list[PassResult] = field(default_factory=list)
+    passes: list[LoggedPass] = field(default_factory=list)
     evidence: SenseEvidence | None = None
     problem: str = ""
 
@@ -142,7 +142,7 @@ class _Part:
             stop = StopReason.NOTHING_FOUND
         return ActiveReading(
             evidence, reading, tuple(self.passes), stop, steps=self.progress.history,
-            sure_at_look=sure_at_look, problem=self.problem, sweeps=tuple(self.sweeps),
+            sure_at_look=sure_at_look, problem=self.problem,
         )  # fmt: skip
 
     def _make_steps(self) -> StopReason:
@@ -185,21 +185,19 @@ class _Part:
         return cheapest if cheapest.stage_s <= left_s else StopReason.BUDGET
 
     def _feel(self, step: Step) -> bool:
-        spent = self.progress.stage_s
         for order in step.passes:
             try:
-                self.sweeps.append(self.session.feel(order))
+                sweep = self.session.feel(order)
             except StageError as error:
                 self.problem = str(error)
                 return False
-            spent += order.stage_s
-            self.passes.append(PassResult(order, spent, why=step.way.purpose))
+            self.passes.append(LoggedPass(order, sweep, why=step.way.purpose))
         return True
 
     def _look(self) -> Look | None:
-        if not self.sweeps:
+        if not self.passes:
             return None
-        raw = scan_of(self.fitting, self.sweeps)
+        raw = scan_of(self.fitting, [felt.sweep for felt in self.passes])
         self.faults = find_faults(raw)
         self.scan = flag_faults(raw, self.faults)
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from glyphs.surface.display import OneLine, WordedEnum
@@ -12,9 +13,8 @@ from recognition.decide.reading import Reading
 if TYPE_CHECKING:  # the service's pages need only the messages
     from recognition.active.moves import Way
     from recognition.decide.evidence import SenseEvidence
+    from whisker_array.scan.pass_log import LoggedPass
     from whisker_array.scan.scan import Scan
-    from whisker_array.scan.sweep import Sweep
-    from whisker_array.whisker.passes import Pass
 
 
 class StopReason(WordedEnum):
@@ -28,29 +28,17 @@ class StopReason(WordedEnum):
     STAGE_FAILED = "stage failed", "the stage failed; the passes felt before are kept"
 
 
-@dataclass(frozen=True)
-class PassResult:
-    """A pass, the stage time up to its end, and the most probable text after it."""
-
-    order: Pass
-    stage_s: float
-    why: str = ""
-    text: str = ""
-    confidence: float = 0.0
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class ActiveReading(OneLine):
     """The reading of a part, and the steps that led to it: direction, lines per half height, confidence after it."""
 
     evidence: SenseEvidence
     reading: Reading
-    passes: tuple[PassResult, ...]
+    passes: tuple[LoggedPass, ...]
     stop: StopReason
     steps: tuple[tuple[Way, int, float], ...] = ()
     sure_at_look: bool = False
     problem: str = ""
-    sweeps: tuple[Sweep, ...] = ()
 
     @property
     def scan(self) -> Scan | None:
@@ -58,9 +46,14 @@ class ActiveReading(OneLine):
         return self.evidence.log.scan
 
     @property
+    def ends_s(self) -> tuple[float, ...]:
+        """Stage time up to the end of each pass, s: travel, run-in and turnaround."""
+        return tuple(accumulate(felt.order.stage_s for felt in self.passes))
+
+    @property
     def stage_s(self) -> float:
-        """Stage time spent, s: travel, run-in and turnaround of every pass."""
-        return self.passes[-1].stage_s if self.passes else 0.0
+        """Stage time spent, s."""
+        return self.ends_s[-1] if self.passes else 0.0
 
     def describe(self) -> str:
         """Text, decision, passes, stage time and reason for stopping in one line."""

@@ -13,7 +13,7 @@ from recognition.active.active_reading import ActiveReading, stage_failure
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import SenseEvidence
 from recognition.touch import TactileReader
-from whisker_array.scan.pass_log import LoggedPass, PassLog
+from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import StageSession
 
@@ -24,10 +24,7 @@ def read_and_log(reader: TactileReader, session: StageSession, *, budget_s: floa
     if reading.scan is None:
         return reading
     log = PassLog(
-        tuple(
-            LoggedPass(felt.order, sweep, felt.why, felt.text, felt.confidence)
-            for felt, sweep in zip(reading.passes, reading.sweeps, strict=True)
-        ),
+        reading.passes,
         array=session.fitting.array,
         height_mm=session.fitting.height_mm,
         field_mm=session.fitting.field_mm,

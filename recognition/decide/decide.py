@@ -27,20 +27,18 @@ def decide(
     evidence: Evidence,
     settings: DecisionSettings,
     *,
-    without: ReadingFlag | frozenset[Measure] = ReadingFlag.NONE,
+    without: ReadingFlag = ReadingFlag.NONE,
+    without_measures: frozenset[Measure] = frozenset(),
     certify: bool = True,
 ) -> Reading:
-    """Decide on the evidence of a part; `without` flags or measures, to see what each is worth. Raises VerifyError."""
+    """Decide on the evidence of a part; `without` some of them, to see what each is worth. Raises VerifyError."""
     start = time.perf_counter()
-    flags, measures = (
-        (ReadingFlag.NONE, without) if isinstance(without, frozenset) else (without, frozenset())
-    )
     senses = evidence.senses if len(evidence.senses) > 1 else ()
     alone: dict[str, Reading] = {
         sense.source: decide(Evidence.of(sense), settings, certify=False) for sense in senses
     }
-    choice = score_text(evidence, settings, alone, without=measures)
-    findings, accepted = judge(evidence, choice, settings, without=flags, certify=certify)
+    choice = score_text(evidence, settings, alone, without=without_measures)
+    findings, accepted = judge(evidence, choice, settings, without=without, certify=certify)
     verification = None
     if evidence.expected:
         same_text = choice.text == "".join(evidence.expected.split())
@@ -51,7 +49,7 @@ def decide(
             contradicted=bool(flags_of(findings) & ReadingFlag.SENSES_DISAGREE),
             accepted=choice.score if accepted and same_text else 0.0,
         )
-        if verification.verdict is Verdict.REFUTED and not ReadingFlag.MISMATCH & flags:
+        if verification.verdict is Verdict.REFUTED and not ReadingFlag.MISMATCH & without:
             findings.append(Finding.of(ReadingFlag.MISMATCH))
     seconds = {**evidence.seconds, "decide": time.perf_counter() - start}
     return build_reading(evidence, choice, findings, verification, seconds)

@@ -7,22 +7,15 @@ pure functions of the evidence, so that it does not matter when they are compute
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
-from typing import Generic, TypeVar, cast
+from functools import partial
+from typing import TypeVar, cast
 
 T = TypeVar("T")
 
 
-class _Deferred(Generic[T]):
-    def __init__(self, compute: Callable[[], T]) -> None:
-        self._compute = compute
-
-    @cached_property
-    def value(self) -> T:
-        return self._compute()
-
+class _Deferred(partial[T]):
     def __reduce__(self) -> tuple[Callable[[T], T], tuple[T]]:
-        return _same, (self.value,)
+        return _same, (self(),)
 
 
 def _same(value: T) -> T:
@@ -43,7 +36,7 @@ class _DeferrableField:
             return self._default
         value = vars(instance)[self._name]
         if isinstance(value, _Deferred):
-            value = vars(instance)[self._name] = value.value
+            value = vars(instance)[self._name] = value()
         return value
 
     def __set__(self, instance: object, value: object) -> None:

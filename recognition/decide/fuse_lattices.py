@@ -54,7 +54,7 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, weights: FusionWeights | N
     (felt, felt_read), (seen, seen_read) = (
         relative_likelihood(lattice, chars) for lattice in (touch, camera)
     )
-    possible = possible_characters(touch, chars)
+    possible = np.isfinite(log_over(touch, chars))
     # of a place that touch has not read it has ruled out nothing
     possible |= ~possible.any(axis=1, keepdims=True)
     read = 1.0 - (1.0 - felt_read) * (1.0 - seen_read)
@@ -88,16 +88,16 @@ def odds_by_touch(text: str, felt_text: str, felt: Lattice, felt_odds: float) ->
 
 def relative_likelihood(lattice: Lattice, chars: tuple[str, ...]) -> tuple[Floats, Floats]:
     """(places, chars) probabilities relative to a guess, and (places,) probability that the place was read."""
-    out = np.zeros((lattice.n_places, len(chars)))
-    out[:, [chars.index(c) for c in lattice.chars]] = np.exp(lattice.log_belief)
-    read, known = np.minimum(out.sum(axis=1), 1.0), possible_characters(lattice, chars)
+    log = log_over(lattice, chars)
+    out, known = np.exp(log), np.isfinite(log)
+    read = np.minimum(out.sum(axis=1), 1.0)
     guess = 1.0 / np.maximum(known.sum(axis=1), 1)[:, None]
     # what was not read is spread over all characters; those that a sense has ruled out count as a guess
     return np.where(known, out / guess + (1.0 - read)[:, None], 1.0), read
 
 
-def possible_characters(lattice: Lattice, chars: tuple[str, ...]) -> NDArray[np.bool_]:
-    """(places, chars) whether a sense has not excluded a character."""
-    out = np.zeros((lattice.n_places, len(chars)), dtype=np.bool_)
-    out[:, [chars.index(c) for c in lattice.chars]] = np.isfinite(lattice.log_belief)
-    return out
+def log_over(lattice: Lattice, chars: tuple[str, ...]) -> Floats:
+    """(places, chars) log posteriors over other characters; -inf of one that the lattice lacks or excludes."""
+    log = np.full((lattice.n_places, len(chars)), -np.inf)
+    log[:, [chars.index(c) for c in lattice.chars]] = lattice.log_belief
+    return log

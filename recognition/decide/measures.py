@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from statistics import fmean
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
@@ -166,20 +167,17 @@ class Measures(Mapping[Measure, float]):
     """The known measures of a part, each group computed when one of it is first read."""
 
     def __init__(self, groups: Mapping[tuple[Measure, ...], Callable[[], Group]]) -> None:
-        self._compute = {name: compute for names, compute in groups.items() for name in names}
-        self._known: dict[Callable[[], Group], Group] = {}
+        cached = {names: cache(compute) for names, compute in groups.items()}
+        self._groups = {name: group for names, group in cached.items() for name in names}
 
     def __getitem__(self, name: Measure) -> float:
-        compute = self._compute[name]
-        if compute not in self._known:
-            self._known[compute] = compute()
-        value = self._known[compute].get(name)
+        value = self._groups[name]().get(name)
         if value is None or not math.isfinite(value):
             raise KeyError(name)
         return float(value)
 
     def __iter__(self) -> Iterator[Measure]:
-        return (name for name in self._compute if name in self)
+        return (name for name in self._groups if name in self)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)

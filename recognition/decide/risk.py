@@ -12,7 +12,7 @@ from functools import cache
 from glyphs.errors import MarksError
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.risk_text import CANNOT_PROMISE, risk_in_words
-from recognition.decide.score import SENSE_NAMES, SOURCES, RiskError, score_of
+from recognition.decide.score import SENSE_NAMES, SOURCES, score_of
 
 _INSTEAD = {
     "tactile": "photograph the part as well",
@@ -24,10 +24,7 @@ _INSTEAD = {
 @cache
 def threshold_of(source: str, risk: float) -> float | None:
     """Least score at which a source of readings keeps a risk; None if none was shown to."""
-    try:
-        return score_of(source).threshold(risk)
-    except RiskError:
-        return None
+    return score_of(source).threshold(risk)
 
 
 def least_score(source: str, risk: float) -> float:

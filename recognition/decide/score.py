@@ -27,8 +27,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from glyphs.errors import MarksError
-from recognition.decide.risk_text import CANNOT_PROMISE, check_risk, risk_in_words
+from recognition.decide.risk_text import check_risk
 
 SOURCES = ("tactile", "vision", "fused")
 FITTED = Path(__file__).with_name("score.fit.json")
@@ -61,10 +60,6 @@ class Measure(StrEnum):
     COARSE_SHARE = "coarse roughness in parts of the marks' depth"
     GRAIN = "grain of the photograph"
     PATCHES = "patches of the photograph"
-
-
-class RiskError(MarksError):
-    """A risk that a sense was not shown to keep."""
 
 
 @dataclass(frozen=True)
@@ -110,15 +105,10 @@ class Score:
         """Probability that a text is right, from its posterior alone."""
         return self.probability({Measure.ODDS: log_odds(belief)})
 
-    def threshold(self, risk: float) -> float:
-        """Least score of readings that keep a risk. Raises RiskError: it was not shown to be kept at any score."""
-        tested = [test.threshold for test in self.thresholds if test.risk <= check_risk(risk)]
-        if not tested:
-            raise RiskError(
-                f"{SENSE_NAMES[self.source]} {CANNOT_PROMISE} {risk_in_words(risk)}",
-                hint=f"accept a risk of {self.least_risk:g} or more, or certify your own parts",
-            )
-        return min(tested)
+    def threshold(self, risk: float) -> float | None:
+        """Least score of readings that keep a risk; None if it was not shown to be kept at any score."""
+        check_risk(risk)
+        return min((test.threshold for test in self.thresholds if test.risk <= risk), default=None)
 
     @property
     def least_risk(self) -> float:

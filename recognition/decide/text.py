@@ -36,18 +36,16 @@ def _text_of_sense(sense: SenseEvidence, settings: DecisionSettings) -> Choice:
     if line is None:
         return Choice((sense,))
     decoding = choose(line.lattice, grammar)
-    lattice, (open_lattice, _) = line.placed, line.open_places
+    choice = Choice((sense,), lattice=line.placed, open_lattice=line.open_places[0])
     if not decoding.text or not line.is_text:
-        return Choice((sense,), lattice=lattice, open_lattice=open_lattice)
+        return choice
     unsure = decoding.probability < settings.least_score(sense.source)
     if grammar is None and len(decoding.text) < LEAST_PLACES and unsure:
-        return Choice((sense,), lattice=lattice)
-    return Choice(
-        (sense,),
-        lattice=lattice,
-        open_lattice=open_lattice,
+        return replace(choice, open_lattice=None)
+    return replace(
+        choice,
         decoding=decoding,
-        characters=characters_of(decoding, lattice),
+        characters=characters_of(decoding, line.placed),
         others=lines_beside(sense, settings),
         spaces_after=line.spaces_in(decoding.text, grammar),
         odds=log_odds(decoding.probability * line.count_probability),

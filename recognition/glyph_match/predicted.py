@@ -30,11 +30,10 @@ from recognition.see.text_line import TextLine
 from recognition.see.view import (
     DIRECTIONS,
     GREY,
-    KNOWN,
-    LAYERS,
     View,
     ViewKind,
     felt_view,
+    layers_of,
     relief_of,
 )
 from whisker_array.estimation.edges import edge_map
@@ -192,10 +191,8 @@ def lit_views(
     views = []
     for light in lights:
         seen = radiance(plate.surface, look, light)[..., 1]
-        layers = np.zeros((LAYERS, *shape), dtype=np.float32)
-        layers[GREY] = np.clip(middle_grey * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
-        layers[KNOWN] = 1.0
-        views.append(View(ViewKind.PHOTO, layers, plate.surface.pitch_mm))
+        grey = np.clip(middle_grey * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
+        views.append(View(ViewKind.PHOTO, layers_of(GREY, grey), plate.surface.pitch_mm))
     return tuple(views)
 
 

@@ -13,11 +13,11 @@ listed: 36^8 strings with a check character are 8 layers of 37 states.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +30,18 @@ MOST_STATES = 100_000
 """Most states of all layers together: 30 MB with the usual 36 characters, and 0.1 s for each sweep."""
 
 
-class Machine(Protocol):
-    """One rule as a state machine over characters."""
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """One rule as a state machine over the characters of texts of one length.
 
-    def start(self, n_places: int) -> int:
-        """The state before the first of `n_places` characters."""
+    Attributes:
+        table: of a place, (states, C): the next state of each state and character; -1 where not allowed.
+        accepts: (states,) whether the text may end in this state.
+    """
 
-    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> Places:
-        """(states, C): the next state of each state and character at this place; -1 where not allowed."""
-
-    def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        """(states,): whether the text may end in this state."""
+    table: Callable[[int], Places]
+    accepts: NDArray[np.bool_]
+    start: int = 0
 
 
 class _Path(NamedTuple):
@@ -51,16 +52,12 @@ class _Path(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Automaton:
-    """Strings of one length."""
+    """Strings of one length, at least one."""
 
     chars: tuple[str, ...]
     # one per place, (states before, C) int64: the state after each character, -1 where it is not allowed. The
-    # first has one row, or none if no string is allowed. A string may end in any state after the last place.
+    # first has one row. A string may end in any state after the last place.
     steps: tuple[Places, ...]
-
-    @property
-    def empty(self) -> bool:
-        return not self.steps or self.steps[0].shape[0] == 0
 
     @cached_property
     def places(self) -> tuple[str, ...]:
@@ -71,21 +68,17 @@ class Automaton:
     def accepts(self, codes: Places) -> NDArray[np.bool_]:
         """(words, places) indices of characters -> (words,): which are strings of this automaton."""
         state = np.zeros(codes.shape[0], dtype=np.int64)
-        if self.empty:
-            return np.zeros(codes.shape[0], dtype=bool)
         for place, step in enumerate(self.steps):
             state = np.where(state < 0, -1, step[np.maximum(state, 0), codes[:, place]])
         return np.asarray(state >= 0)
 
     def log_mass(self, log_belief: Beliefs) -> float:
-        """Logarithm of the summed probabilities of all strings; -inf if there are none."""
-        return float(self._after(log_belief, best=False)[0][0]) if not self.empty else -np.inf
+        """Logarithm of the summed probabilities of all strings."""
+        return float(self._after(log_belief, best=False)[0][0])
 
     def log_marginals(self, log_belief: Beliefs) -> Beliefs:
         """(places, C): logarithm of the summed probabilities of all strings with this character at this place."""
         out = np.full(log_belief.shape, -np.inf)
-        if self.empty:
-            return out
         after = self._after(log_belief, best=False)
         before = np.zeros(1)
         for place, step in enumerate(self.steps):
@@ -104,8 +97,6 @@ class Automaton:
         .. [1] V. M. Jiménez and A. Marzal, "Computing the K shortest paths: a new algorithm and an experimental
            comparison", WAE 1999, LNCS 1668, 15-29.
         """
-        if self.empty:
-            return
         after = self._after(log_belief, best=True)
         # of each state: paths that may be its next best, as a heap, and its best paths, in order
         ranked: dict[tuple[int, int], tuple[list[_Path], list[_Path]]] = {}
@@ -149,7 +140,7 @@ class Automaton:
 
 @dataclass(frozen=True, eq=False)
 class WordList:
-    """Strings of one length written out: a lexicon."""
+    """Strings of one length written out, at least one: a lexicon."""
 
     chars: tuple[str, ...]
     words: tuple[str, ...]
@@ -158,28 +149,21 @@ class WordList:
     def codes(self) -> Places:
         return encode(self.words, self.chars)
 
-    @property
-    def empty(self) -> bool:
-        return not self.words
-
     @cached_property
     def places(self) -> tuple[str, ...]:
         return tuple("".join(self.chars[k] for k in np.unique(column)) for column in self.codes.T)
 
     def log_mass(self, log_belief: Beliefs) -> float:
-        return float(_log_sum(self._scores(log_belief), axis=0)) if self.words else -np.inf
+        return float(_log_sum(self._scores(log_belief), axis=0))
 
     def log_marginals(self, log_belief: Beliefs) -> Beliefs:
         out: Beliefs = np.full(log_belief.shape, -np.inf)
-        if self.words:
-            scores = self._scores(log_belief)
-            for place, column in enumerate(self.codes.T):
-                out[place] = _gather(scores, column, len(self.chars))
+        scores = self._scores(log_belief)
+        for place, column in enumerate(self.codes.T):
+            out[place] = _gather(scores, column, len(self.chars))
         return out
 
     def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
-        if not self.words:
-            return
         scores = self._scores(log_belief)
         for k in np.argsort(-scores, kind="stable").tolist():
             if scores[k] == -np.inf:
@@ -200,10 +184,9 @@ def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:
     return flat.reshape(len(words), -1)
 
 
-def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
-    """Combine machines to one automaton of the strings of a length that all allow. Raises FormatError for too many."""
-    none = Automaton(chars, (np.empty((0, len(chars)), dtype=np.int64),) * n_places)
-    here = np.array([[m.start(n_places) for m in machines]], dtype=np.int64)
+def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton | None:
+    """Automaton of the strings of a length that all machines allow, if any. Raises FormatError for too many states."""
+    here = np.array([[m.start for m in machines]], dtype=np.int64)
     steps: list[Places] = []
     states = 0
     for place in range(n_places):
@@ -217,11 +200,11 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
         allowed = np.ones((here.shape[0], len(chars)), dtype=bool)
         parts = []
         for k, machine in enumerate(machines):
-            to = machine.table(place, n_places, chars)[here[:, k]]
+            to = machine.table(place)[here[:, k]]
             allowed &= to >= 0
             parts.append(to)
         if not allowed.any():
-            return none
+            return None
         pairs = np.stack([to[allowed] for to in parts], axis=1) if parts else np.zeros((allowed.sum(), 0))
         here, which = _distinct(pairs.astype(np.int64))
         step = np.full(allowed.shape, -1, dtype=np.int64)
@@ -229,13 +212,13 @@ def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -
         steps.append(step)
     good = np.ones(here.shape[0], dtype=bool)
     for k, machine in enumerate(machines):
-        good &= machine.accepts(n_places)[here[:, k]]
+        good &= machine.accepts[here[:, k]]
     for place in range(n_places - 1, -1, -1):
         number = np.where(good, np.cumsum(good) - 1, -1)
         step = np.where(steps[place] >= 0, number[steps[place]], -1)
         good = np.asarray((step >= 0).any(axis=1))
         steps[place] = step[good]
-    return Automaton(chars, tuple(steps)) if n_places and good.any() else none
+    return Automaton(chars, tuple(steps)) if n_places and good.any() else None
 
 
 def _distinct(pairs: Places) -> tuple[Places, Places]:

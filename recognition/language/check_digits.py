@@ -25,7 +25,7 @@ import importlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations
 from types import ModuleType
 
@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError
+from recognition.language.automaton import Machine
 from recognition.language.remainders import REMAINDERS, Remainder
 
 CHECK_DIGITS = (*REMAINDERS, "stdnum:NAME")
@@ -41,7 +42,7 @@ _FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
 
 @dataclass(frozen=True)
 class CheckDigit:
-    """A rule and the places it checks, from 1; a `language.automaton.Machine` except for stdnum. Raises FormatError."""
+    """A rule and the places it checks, from 1. Raises FormatError."""
 
     name: str
     first_place: int = 1
@@ -99,25 +100,20 @@ class CheckDigit:
         """Whether a text is valid; it must have no blanks."""
         if self.remainder is None:
             return bool(_stdnum_module(self.name).is_valid(text[self.first_place - 1 : self.last_place]))
-        state = self.start(len(text))
+        state = self.remainder.first
         for place, char in enumerate(text):
-            state = int(self.table(place, len(text), (char,))[state, 0])
+            state = int(_table(self, len(text), (char,), place)[state, 0])
             if state < 0:
                 return False
-        return bool(self.accepts(len(text))[state])
+        return bool(self.machine(len(text), ()).accepts[state])
 
-    def start(self, n_places: int) -> int:
-        return self._rule().first
-
-    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        return _table(self, place, n_places, chars)
-
-    def accepts(self, n_places: int) -> NDArray[np.bool_]:
+    def machine(self, n_places: int, chars: tuple[str, ...]) -> Machine:
+        """The rule over characters of texts of a length. Raises FormatError for one that needs the whole text."""
         rule, looked_at = self._rule(), self._looked_at(n_places)
         good = np.zeros(rule.modulus, dtype=bool)
         if looked_at >= rule.least_places and rule.length in (None, looked_at):
             good[list(rule.good)] = True
-        return good
+        return Machine(partial(_table, self, n_places, chars), good, rule.first)
 
     def _looked_at(self, n_places: int) -> int:
         last = n_places if self.last_place is None else self.last_place
@@ -131,7 +127,7 @@ class CheckDigit:
 
 
 @lru_cache(maxsize=512)
-def _table(check: CheckDigit, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
+def _table(check: CheckDigit, n_places: int, chars: tuple[str, ...], place: int) -> NDArray[np.int64]:
     rule = check._rule()
     looked_at = check._looked_at(n_places)
     inside = place - (check.first_place - 1)
@@ -173,9 +169,9 @@ def _stdnum_module(name: str) -> ModuleType:
 def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
     """Pairs of characters that the check digit confuses, with their place (from 1). Raises FormatError."""
     chars = tuple(sorted(set("".join(allowed))))
-    pairs = set()
+    machine, pairs = check.machine(len(allowed), chars), set()
     for place, here in enumerate(allowed):
-        table = check.table(place, len(allowed), chars)
+        table = machine.table(place)
         for (j, char), (k, other) in combinations(enumerate(chars), 2):
             same = (table[:, j] == table[:, k]).all() and (table[:, j] >= 0).all()
             if same and char in here and other in here:

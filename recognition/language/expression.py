@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError
+from recognition.language.automaton import Machine
 
 Chars: TypeAlias = frozenset[str]
 MOST_LENGTH = 500
@@ -64,14 +65,9 @@ class ExpressionMachine:
     next_state: NDArray[np.int64]
     final: NDArray[np.bool_]
 
-    def start(self, n_places: int) -> int:
-        return 0
-
-    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        return self.next_state
-
-    def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        return self.final
+    @property
+    def machine(self) -> Machine:
+        return Machine(lambda _: self.next_state, self.final)
 
     def lengths(self) -> frozenset[int]:
         """Lengths of the texts that match, up to `MOST_PLACES`."""

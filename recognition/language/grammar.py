@@ -5,12 +5,12 @@ As text: see `recognition.language.format_text`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.language.automaton import Automaton, Machine, Strings, WordList, encode, unroll
@@ -61,9 +61,9 @@ class Grammar:
         lengths = self.lengths()
         # the longest serials need the most states: a format that is too complex is refused here, not while it is read
         longest = MOST_PLACES if lengths is None else max(lengths, default=0)
-        if not self.strings(longest).empty or lengths is None:
+        if self.strings(longest) is not None or lengths is None:
             return
-        if any(not self.strings(n).empty for n in sorted(lengths)):
+        if any(self.strings(n) is not None for n in sorted(lengths)):
             return
         raise FormatError(
             f"no serial meets {self}",
@@ -136,7 +136,7 @@ class Grammar:
     def places(self, n_places: int) -> tuple[str, ...] | None:
         """The characters at each place of the serials of a length, or too many; None without such a serial."""
         strings = self.strings(n_places)
-        return None if strings.empty else strings.places
+        return None if strings is None else strings.places
 
     @property
     def fixed_places(self) -> tuple[str, ...] | None:
@@ -144,8 +144,8 @@ class Grammar:
         lengths = self.lengths()
         return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
 
-    def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
-        """Return the serials of a length with only these characters; `opaque` checks only narrow a lexicon."""
+    def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings | None:
+        """Return the serials of a length with only these characters, if any; `opaque` checks only narrow a lexicon."""
         return _strings(self, n_places, self.characters if chars is None else chars)
 
     def allows(self, text: str) -> bool:
@@ -172,15 +172,13 @@ class Grammar:
 
     def _parts(self) -> list[Grammar]:
         bare = Grammar(exclude=self.exclude, alphabet="".join(self.characters))
-        parts = []
-        if self.format is not None:
-            parts.append(replace(bare, format=self.format))
-        if self.expression is not None:
-            parts.append(
-                replace(bare, expression=self.expression, alphabet=self.alphabet, elements=self.elements)
-            )
-        if self.sets is not None:
-            parts.append(replace(bare, sets=self.sets))
+        # fields of each part; without the first one the part is not there
+        kinds = (("format",), ("expression", "alphabet", "elements"), ("sets",))
+        parts = [
+            replace(bare, **{name: getattr(self, name) for name in names})
+            for names in kinds
+            if getattr(self, names[0]) is not None
+        ]
         return parts or ([bare] if self.lexicon is None else [])
 
 
@@ -189,21 +187,7 @@ def _core_accepts(part: Grammar, text: str) -> bool:
         return False
     strings = part.strings(len(text))
     codes = encode([text], part.characters)
-    return not isinstance(strings, Automaton) or bool(strings.accepts(codes)[0])
-
-
-@dataclass(frozen=True)
-class _SetsMachine:
-    allowed: tuple[str, ...]
-
-    def start(self, n_places: int) -> int:
-        return 0
-
-    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
-        return np.array([[0 if c in self.allowed[place] else -1 for c in chars]], dtype=np.int64)
-
-    def accepts(self, n_places: int) -> NDArray[np.bool_]:
-        return np.ones(1, dtype=bool)
+    return isinstance(strings, Automaton) and bool(strings.accepts(codes)[0])
 
 
 @lru_cache(maxsize=128)
@@ -219,34 +203,32 @@ def _characters(grammar: Grammar) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=32)
-def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings:
-    machines: list[Machine] = [c for c in grammar.checks if c.remainder is not None]
+def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings | None:
+    machines = [check.machine(n_places, chars) for check in grammar.checks if check.remainder is not None]
+    sets: list[Sequence[str]] = []
     if grammar.format is not None:
         every = allowed_characters(grammar.format, exclude=grammar.exclude)
-        machines.append(_SetsMachine(_as_long([p for p in every if p != " "], n_places)))
+        sets.append([place for place in every if place != " "])
     elif grammar.exclude:
-        remaining = "".join(c for c in chars if c not in grammar.exclude)
-        machines.append(_SetsMachine((remaining,) * n_places))
+        sets.append(["".join(c for c in chars if c not in grammar.exclude)] * n_places)
     if grammar.sets is not None:
-        machines.append(_SetsMachine(_as_long(grammar.sets, n_places)))
+        sets.append(grammar.sets)
     if grammar.expression is not None:
-        machines.append(expression_machine(grammar.expression, chars))
+        machines.append(expression_machine(grammar.expression, chars).machine)
     if grammar.format is None and grammar.sets is None and grammar.expression is None:
-        known = "".join(_characters(grammar))
-        machines.append(_SetsMachine((known,) * n_places))
+        sets.append(["".join(_characters(grammar))] * n_places)
+    machines += [_sets_machine(allowed, n_places, chars) for allowed in sets]
     automaton = unroll(machines, n_places, chars)
-    if grammar.lexicon is None:
+    if grammar.lexicon is None or automaton is None:
         return automaton
     known_chars = set(chars)
     words = sorted(w for w in grammar.lexicon if len(w) == n_places and known_chars.issuperset(w))
-    kept_words = (
-        (w for w, good in zip(words, automaton.accepts(encode(words, chars)), strict=True) if good)
-        if words
-        else ()
-    )
-    return WordList(chars, tuple(w for w in kept_words if all(check.holds(w) for check in grammar.opaque)))
+    if words:
+        words = list(compress(words, automaton.accepts(encode(words, chars))))
+    words = [word for word in words if all(check.holds(word) for check in grammar.opaque)]
+    return WordList(chars, tuple(words)) if words else None
 
 
-def _as_long(sets: Iterable[str], n_places: int) -> tuple[str, ...]:
-    sets = tuple(sets)
-    return sets if len(sets) == n_places else ("",) * n_places
+def _sets_machine(allowed: Sequence[str], n_places: int, chars: tuple[str, ...]) -> Machine:
+    sets = allowed if len(allowed) == n_places else [""] * n_places
+    return Machine(lambda place: np.array([[0 if c in sets[place] else -1 for c in chars]]), np.ones(1, bool))

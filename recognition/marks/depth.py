@@ -44,7 +44,7 @@ from scipy import ndimage
 
 from glyphs.stamping.faces import Face
 from recognition.glyph_match.pose import Floats
-from recognition.marks.centre_lines import centre_line
+from recognition.marks.centre_lines import CentreLine, centre_line
 from recognition.marks.laid_text import LaidText
 from whisker_array.estimation.relief import Relief
 
@@ -108,24 +108,18 @@ def depth_bias_mm(face: Face, height_mm: float) -> float:
     return float(1e-3 * np.interp(height_mm, BIAS_HEIGHTS_MM, BIAS_UM[face])) if face in BIAS_UM else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class _Mark:
-    points: Floats
-    normals: Floats
-    half_width: float
-
-
-def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> _Mark:
+def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> CentreLine:
+    """The centre line of a laid character, in pixels of the relief with its margin: row, column."""
     line = centre_line(laid.font, laid.text[place], face=laid.face)
     on, ahead = (
         (laid.points_mm(place, points) - relief.origin_mm)[:, ::-1] / relief.pitch_mm + 1.0
         for points in (line.points, line.points + ahead_heights * line.normals)
     )
     normals = (ahead - on) / np.linalg.norm(ahead - on, axis=1, keepdims=True)
-    return _Mark(on, normals, line.half_width * laid.height_mm / relief.pitch_mm)
+    return CentreLine(on, normals, line.half_width * laid.height_mm / relief.pitch_mm)
 
 
-def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bool_]:
+def _land(marks: Sequence[CentreLine], depth: Floats, height: float) -> NDArray[np.bool_]:
     bare = np.ones(depth.shape, dtype=np.bool_)
     for mark in marks:
         row, col = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1).T
@@ -135,7 +129,7 @@ def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bo
 
 
 def _depth(
-    mark: _Mark,
+    mark: CentreLine,
     depth: Floats,
     land: NDArray[np.bool_],
     height: float,
@@ -167,7 +161,7 @@ def _depth(
     return MarkDepth(float(along.mean()), float(low), float(high), burr_mm, sd_mm)
 
 
-def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float | None:
+def _burr_mm(mark: CentreLine, depth: Floats, plane: Floats, height: float) -> float | None:
     # from the stroke's edge to where land begins
     beside = mark.half_width + np.linspace(0.0, BURR_REACH_HEIGHTS * height, 9)
     rises = [-across(depth, mark.points, mark.normals, side, plane) for side in (-beside, beside)]
@@ -201,7 +195,7 @@ def _sum_neighbours(values: Floats) -> Floats:
 
 
 def _plane(
-    mark: _Mark,
+    mark: CentreLine,
     depth: Floats,
     land: NDArray[np.bool_],
     height: float,

@@ -70,7 +70,6 @@ class PlaceStrokes:
     felt: float | None
     score: float = 0.0
     rivals: tuple[RivalStrokes, ...] = ()
-    whole: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,14 +174,14 @@ def strokes_of(
     strokes = []
     for k, (char, character, of_char) in enumerate(zip(laid.text, laid.laid, read, strict=True)):
         if character is None or of_char is None:
-            strokes.append(PlaceStrokes(None, whole=felt.whole[k]))
+            strokes.append(PlaceStrokes(None))
             continue
         rivals = []
         for rival, belief in _rivals(char, lattice.chars, lattice.log_belief[k], slope):
             if rival in font.glyphs:
                 pose = felt.lay(k, rival, font, laid.face, about=character.pose, spread=POSE_SD_REFINED).pose
                 rivals.append(_compare(of_char, surface.strokes(k, rival, font, pose), rival, belief, filled))
-        strokes.append(PlaceStrokes(of_char.share_felt(), character.fit, tuple(rivals), felt.whole[k]))
+        strokes.append(PlaceStrokes(of_char.share_felt(), character.fit, tuple(rivals)))
     return tuple(strokes)
 
 

@@ -59,7 +59,7 @@ class LineDepths:
     def depths(self) -> tuple[MarkDepth | NoDepth, ...]:
         """Depth of each character, or why it was not measured."""
         if not self._named_fits:
-            return fitting_depths(self.relief, [self.laid, *self.others])
+            return self._fitting_depths()
         lacking = self._lacking
         return tuple(
             NoDepth.FONT if k in lacking else depth or NoDepth.NOT_FELT for k, depth in enumerate(self._along)
@@ -73,13 +73,38 @@ class LineDepths:
     def _along(self) -> tuple[MarkDepth | None, ...]:
         return mark_depths(self.relief, self.laid)
 
-    @cached_property
-    def _foreign(self) -> set[int]:
-        return foreign_places(self.relief, self.laid, self._along, self.others)
-
     @property
     def _lacking(self) -> set[int]:
         return self._foreign | {k for k, mark in enumerate(self.laid.laid) if mark is None}
+
+    @cached_property
+    def _foreign(self) -> set[int]:
+        """Places, from 0, where the strokes of a named font do not fit and those of another one do."""
+        fits, foreign = self.laid.fits, set[int]()
+        doubtful = {k for k, d in enumerate(self._along) if d is not None and not strokes_fit(d, fits[k])}
+        for other in self.others if doubtful else ():
+            better = {k for k in doubtful - foreign if other.fits[k] >= fits[k] + self.clear_gain}
+            along = mark_depths(self.relief, other) if better else ()
+            foreign |= {k for k in better if (d := along[k]) is not None and strokes_fit(d, other.fits[k])}
+        return foreign
+
+    def _fitting_depths(self) -> tuple[MarkDepth | NoDepth, ...]:
+        """Depths along the strokes of the font that fits each character best."""
+        texts = [self.laid, *self.others]
+        fits = np.array([laid.fits for laid in texts])
+        best = fits.argmax(axis=0)
+        measured = [
+            mark_depths(self.relief, laid, places=set(np.flatnonzero(best == number).tolist()))
+            if number in best
+            else ()
+            for number, laid in enumerate(texts)
+        ]
+        depths: list[MarkDepth | NoDepth] = []
+        for place, number in enumerate(best):
+            depth = measured[number][place] or NoDepth.NOT_FELT
+            fitting = isinstance(depth, NoDepth) or strokes_fit(depth, fits[number, place])
+            depths.append(depth if fitting else NoDepth.FONT)
+        return tuple(depths)
 
 
 def strokes_fit(
@@ -95,39 +120,3 @@ def strokes_fit(
     low, high = (1.0 - shallower) * depth.mean_mm, (1.0 + deeper) * depth.mean_mm
     even = low <= depth.min_mm and depth.max_mm <= high
     return fit >= least_fit and even and depth.sd_mm is not None and depth.sd_mm <= most_sd_mm
-
-
-def fitting_depths(relief: Relief, texts: Sequence[LaidText]) -> tuple[MarkDepth | NoDepth, ...]:
-    """Depth of each character of a line of unknown font, along the strokes of the font that fits it best."""
-    fits = np.array([laid.fits for laid in texts])
-    best = fits.argmax(axis=0)
-    measured = [
-        mark_depths(relief, laid, places=set(np.flatnonzero(best == number).tolist()))
-        if number in best
-        else ()
-        for number, laid in enumerate(texts)
-    ]
-    depths: list[MarkDepth | NoDepth] = []
-    for place, number in enumerate(best):
-        depth = measured[number][place] or NoDepth.NOT_FELT
-        fitting = isinstance(depth, NoDepth) or strokes_fit(depth, fits[number, place])
-        depths.append(depth if fitting else NoDepth.FONT)
-    return tuple(depths)
-
-
-def foreign_places(
-    relief: Relief,
-    laid: LaidText,
-    depths: Sequence[MarkDepth | None],
-    others: Sequence[LaidText],
-    *,
-    least_gain: float = 0.05,
-) -> set[int]:
-    """Places, from 0, where the strokes of a named font do not fit and those of another one do."""
-    fits, foreign = laid.fits, set[int]()
-    doubtful = {k for k, d in enumerate(depths) if d is not None and not strokes_fit(d, fits[k])}
-    for other in others if doubtful else ():
-        better = {k for k in doubtful - foreign if other.fits[k] >= fits[k] + least_gain}
-        along = mark_depths(relief, other) if better else ()
-        foreign |= {k for k in better if (d := along[k]) is not None and strokes_fit(d, other.fits[k])}
-    return foreign

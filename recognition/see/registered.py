@@ -11,7 +11,6 @@ Source: G. Evangelidis, E. Psarakis, IEEE PAMI 30 (2008) 1858 (ECC).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from glyphs.camera.photo import Photo
 from recognition.see.slopes import slope_picture
 from recognition.see.stains import without_stains
-from recognition.see.view import GREY, KNOWN, View, photo_view
+from recognition.see.view import GREY, KNOWN, View, layers_of, photo_view
 
 Floats = NDArray[np.float32]
 _PIXELS = 480
@@ -51,7 +50,7 @@ def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
 def stainless_view(photo: Photo) -> View | None:
     """View of a colour photograph without its stains; None without stains."""
     clean = without_stains(photo)
-    return None if clean is None else _of_brightness(photo_view(photo), clean)
+    return None if clean is None else replace(photo_view(photo), layers=layers_of(GREY, clean))
 
 
 def _slopes(views: list[View]) -> list[View]:
@@ -61,7 +60,7 @@ def _slopes(views: list[View]) -> list[View]:
     picture = slope_picture([np.where(v.layers[KNOWN] > 0.5, v.layers[GREY], first) for v in views])
     if picture is None:
         return []
-    return [_of_brightness(views[0], picture, known)]
+    return [replace(views[0], layers=layers_of(GREY, picture, known))]
 
 
 def _gradient(grey: Floats, scale: float) -> Floats:
@@ -102,13 +101,5 @@ def _warp_onto(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
     size = first.layers.shape[:0:-1]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     known = cv2.warpAffine(np.ones_like(grey), motion, size, flags=flags) > 0.999
-    return _of_brightness(first, cv2.warpAffine(grey, motion, size, flags=flags), known)
-
-
-def _of_brightness(
-    first: View, grey: NDArray[np.number[Any]], known: NDArray[np.bool_] | None = None
-) -> View:
-    layers = np.zeros_like(first.layers)
-    layers[KNOWN] = 1.0 if known is None else known
-    layers[GREY] = grey * layers[KNOWN]
-    return replace(first, layers=layers)
+    moved = np.asarray(cv2.warpAffine(grey, motion, size, flags=flags))
+    return replace(first, layers=layers_of(GREY, moved, known))

@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,15 +208,19 @@ def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
 
 def heights_view(surface: HeightMap) -> View:
     """View of an instrument's height map."""
-    layers = np.zeros((LAYERS, *surface.shape), dtype=np.float32)
-    layers[KNOWN] = np.isfinite(surface.z_mm)
-    layers[HEIGHTS] = np.nan_to_num(surface.z_mm)
+    layers = layers_of(HEIGHTS, np.nan_to_num(surface.z_mm), np.isfinite(surface.z_mm))
     return View(ViewKind.HEIGHTS, layers, surface.pitch_mm)
 
 
 def photo_view(photo: Photo) -> View:
     """View of a photograph, in grey, in the photo frame."""
-    layers = np.zeros((LAYERS, *photo.shape), dtype=np.float32)
-    layers[GREY] = photo.grey()
-    layers[KNOWN] = 1.0
+    layers = layers_of(GREY, photo.grey())
     return View(ViewKind.PHOTO, layers, photo_pitch_mm(photo), photo_origin_mm(photo))
+
+
+def layers_of(layer: int, values: NDArray[Any], known: NDArray[np.bool_] | bool = True) -> Layers:
+    """Layers of a view with heights or brightness only."""
+    layers = np.zeros((LAYERS, *values.shape), dtype=np.float32)
+    layers[KNOWN] = known
+    layers[layer] = values * layers[KNOWN]
+    return layers

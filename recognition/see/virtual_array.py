@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from glyphs.surface.display import one_line
-from whisker_array.scan.sensor import SensorChain, Sensors, draw_sensor_chain
-from whisker_array.scan.stage_play import StagePlay, draw_stage_play
+from whisker_array.scan.mounting import VirtualBench as BenchOptions
+from whisker_array.scan.sensor import Sensors, draw_sensor_chain
+from whisker_array.scan.stage_play import draw_stage_play
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import Touch, default_touch
@@ -36,19 +37,18 @@ class VirtualArray:
         """Touch of the whiskers for characters of a height."""
         return self.whisker or default_touch(height_mm)
 
-    def draw(
-        self, plan: RasterPlan, touch: Touch
-    ) -> tuple[np.random.Generator | None, SensorChain | None, StagePlay | None]:
-        """Draw sensors and stage for the whiskers of a plan; None if they are ideal."""
+    def draw(self, plan: RasterPlan, touch: Touch) -> BenchOptions:
+        """Draw sensors and stage for the whiskers of a plan; without any if they are ideal."""
         if self.sensors is Sensors.IDEAL:
-            return None, None, None
+            return {"fidelity": self.fidelity}
         rng = np.random.default_rng(self.seed)
         range_n_mm = self.range_land_moments * abs(touch.land_moment_n_mm())
         chain = draw_sensor_chain(
             plan.array.n_whiskers * plan.array.kinds, rng=rng, full_scale_n_mm=range_n_mm
         )
         stage = draw_stage_play(rng=rng.spawn(1)[0])
-        return rng if self.noise_seed is None else np.random.default_rng(self.noise_seed), chain, stage
+        noise = rng if self.noise_seed is None else np.random.default_rng(self.noise_seed)
+        return {"fidelity": self.fidelity, "sensor": chain, "stage": stage, "rng": noise}
 
 
 USUAL_ARRAY = VirtualArray()

@@ -14,10 +14,11 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap
 from recognition.see.levelling import level, square_to_plate
 from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
+from whisker_array.scan.mounting import VirtualBench as BenchOptions
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
 from whisker_array.whisker.array import RasterPlan, default_plan
-from whisker_array.whisker.touch import profiling_touch
+from whisker_array.whisker.touch import Touch, profiling_touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,20 +34,10 @@ class VirtualBench:
 
     __repr__ = one_line
 
-    @classmethod
-    def mount(
-        cls,
-        height_map: HeightMap,
-        height_mm: float,
-        array: VirtualArray = USUAL_ARRAY,
-        *,
-        soil: Soil | None = None,
-        friction: float | None = None,
-        part_id: str = "",
-    ) -> VirtualBench:
-        """Mount any height map: turned square to the plate, and levelled. Raises MapError."""
-        squared, soil = square_to_plate(height_map, soil)
-        return cls(level(squared), height_mm, array, soil, friction, part_id)
+    def mounted(self) -> VirtualBench:
+        """The bench with its height map turned square to the plate, and levelled. Raises MapError."""
+        squared, soil = square_to_plate(self.height_map, self.soil)
+        return replace(self, height_map=level(squared), soil=soil)
 
     @property
     def whole(self) -> RasterPlan:
@@ -56,27 +47,21 @@ class VirtualBench:
     def scan(self, plan: RasterPlan | None = None) -> Scan:
         """Simulate a scan of the whole part or by a plan; a second kind of whiskers are profilers. Raises MapError."""
         plan, touch = plan or self.whole, self.array.touch(self.height_mm)
-        rng, chain, stage = self.array.draw(plan, touch)
         scan = trace_scan(
             self.height_map,
             touch=touch,
             plan=plan,
-            fidelity=self.array.fidelity,
-            sensor=chain,
-            stage=stage,
-            rng=rng,
             part_id=self.part_id,
-            friction=self.friction,
-            soil=self.soil,
             others=(profiling_touch(self.height_mm),) if plan.array.kinds > 1 else (),
+            **self._options(plan, touch),
         )
         return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
 
     def open_session(self) -> SimulatedSession:
         """Open a session pass by pass, with the comb of the default plan and known gains. Raises MapError."""
         touch, usual = self.array.touch(self.height_mm), self.whole
-        rng, chain, stage = self.array.draw(usual, touch)
-        known = None
+        options, known = self._options(usual, touch), None
+        chain, rng = options.get("sensor"), options.get("rng")
         if chain is not None and rng is not None:
             known = bench_calibration(chain, touch, sample_rate_hz=usual.sample_rate_hz, rng=rng)
         return SimulatedSession(
@@ -85,12 +70,10 @@ class VirtualBench:
             array=usual.array,
             height_mm=self.height_mm,
             sample_pitch_mm=usual.sample_pitch_mm,
-            fidelity=self.array.fidelity,
-            friction=self.friction,
-            soil=self.soil,
-            sensor=chain,
-            stage=stage,
             calibration=known,
-            rng=rng,
             part_id=self.part_id,
+            **options,
         )
+
+    def _options(self, plan: RasterPlan, touch: Touch) -> BenchOptions:
+        return {**self.array.draw(plan, touch), "friction": self.friction, "soil": self.soil}

@@ -43,7 +43,6 @@ from recognition.decide.fuse_lattices import (
     fuse_lattices,
     lead_nats,
     odds_by_touch,
-    possible_characters,
     relative_likelihood,
 )
 from recognition.decide.measures import text_measures, unsettled_twins
@@ -224,7 +223,7 @@ class FusionPlaces:
             if touch is None or camera is None or not touch.n_places == camera.n_places == len(part.text):
                 continue
             truth = np.array([touch.chars.index(char) for char in part.text])
-            possible = possible_characters(touch, touch.chars)
+            possible = np.isfinite(touch.log_belief)
             known = possible[np.arange(truth.size), truth]
             felt, seen = (relative_likelihood(lattice, touch.chars)[0] for lattice in (touch, camera))
             log = np.log(np.stack([np.where(possible, felt, 1e-300), seen]))

@@ -84,7 +84,7 @@ def exam_parts(**levels: object) -> DesignedParts:
 
 def felt(surface: HeightMap, *, sensors: Sensors = Sensors.IDEAL, soil: Soil | None = None) -> Scan:
     """In four directions."""
-    return VirtualBench.mount(surface, HEIGHT_MM, VirtualArray(sensors=sensors), soil=soil).scan()
+    return VirtualBench(surface, HEIGHT_MM, VirtualArray(sensors=sensors), soil=soil).mounted().scan()
 
 
 def exam_part(soil: str, numbers: Iterator[int]) -> str:

@@ -98,9 +98,9 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
                     directions=tuple(TraceDirection(d) for d in ways),
                 )
                 noise = int(np.random.SeedSequence((seed, number, lines, *ways)).generate_state(1)[0])
-                bench = VirtualBench.mount(
+                bench = VirtualBench(
                     part.height_map, part.height_mm, VirtualArray(seed=noise), soil=part.soil
-                )
+                ).mounted()
                 right, accepted = read_right(bench.scan(plan), part.truth, item.condition.format)
                 yield PlanCounts(
                     lines=lines,

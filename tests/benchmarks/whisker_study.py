@@ -64,8 +64,7 @@ from recognition.find.first_pass import virtual_feel
 from recognition.reader import Reader
 from recognition.see.virtual_array import VirtualArray
 from recognition.surface import Surface
-from whisker_array.scan.sensor import SensorChain
-from whisker_array.scan.stage_play import StagePlay
+from whisker_array.scan.mounting import VirtualBench as BenchOptions
 from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.defaults import (
     NOMINAL_FRICTION,
@@ -169,19 +168,18 @@ class CellArray(VirtualArray):
         usual = default_touch(height_mm).with_whisker(self.cell.whisker(height_mm))
         return replace(usual, preload_mm=self.cell.preload * default_preload_mm(height_mm))
 
-    def draw(
-        self, plan: RasterPlan, touch: Touch
-    ) -> tuple[np.random.Generator | None, SensorChain | None, StagePlay | None]:
+    def draw(self, plan: RasterPlan, touch: Touch) -> BenchOptions:
         """Draw sensors and stage; noise, drift and vibration are multiplied."""
-        rng, chain, stage = super().draw(plan, touch)
+        options = super().draw(plan, touch)
+        chain = options.get("sensor")
         if chain is not None:
-            chain = replace(
+            options["sensor"] = replace(
                 chain,
                 noise_n_mm=self.cell.noise * chain.noise_n_mm,
                 drift_n_mm_per_sqrt_s=self.cell.noise * chain.drift_n_mm_per_sqrt_s,
                 vibration=self.cell.noise * chain.vibration,
             )
-        return rng, chain, stage
+        return options
 
 
 def design() -> Design:

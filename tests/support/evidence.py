@@ -112,7 +112,7 @@ def text_of(
         other_font_fits_better=(laid_in or font) != font,
         strokes=lambda lattice, *, slope: strokes,
         has_strokes=lambda lattice: bool(strokes),
-        whole=tuple(place.whole for place in strokes),
+        whole=(True,) * len(strokes),
     )
     choice = Choice(
         (SenseEvidence(source),),

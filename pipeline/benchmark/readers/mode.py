@@ -58,7 +58,7 @@ def feel_part(specimen: Specimen, array: VirtualArray) -> FeltMaps:
     if specimen.feel is not None:
         scan = specimen.feel(surface, height_mm)
     else:
-        scan = VirtualBench.mount(surface, height_mm, array, soil=specimen.soil).scan()
+        scan = VirtualBench(surface, height_mm, array, soil=specimen.soil).mounted().scan()
     simulated_s = time.perf_counter() - start
     try:
         edges = edge_map(scan)

@@ -55,8 +55,9 @@ def leave_out(name: str, settings: ReaderSettings) -> Callable[[Reading], Readin
         what = f"there is no rule {name!r} to leave out"
         raise SettingsError(what, hint=f"the rules are {', '.join(known)}")
     rule = known[name]
-    without = rule if isinstance(rule, ReadingFlag) else frozenset({rule})
-    return lambda reading: decide(_evidence_of(reading), settings, without=without)
+    if isinstance(rule, ReadingFlag):
+        return lambda reading: decide(_evidence_of(reading), settings, without=rule)
+    return lambda reading: decide(_evidence_of(reading), settings, without_measures=frozenset({rule}))
 
 
 def expert_alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:

@@ -78,7 +78,7 @@ def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
         part = senses.specimen
         height_mm = part.height_mm or USUAL_HEIGHT_MM
         array = replace(reader.settings.array, seed=BENCH_SEED)
-        bench = VirtualBench.mount(part.height_map, height_mm, array, soil=part.soil, part_id=part.part)
+        bench = VirtualBench(part.height_map, height_mm, array, soil=part.soil, part_id=part.part).mounted()
         if plan.name == "whole":
             return reader.read(bench.scan()), {"scan_s": round(bench.whole.scan_time_s, 3)}
         session = bench.open_session()

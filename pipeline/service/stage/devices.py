@@ -144,13 +144,14 @@ class SimulatedStage:
             top = read_part_map(path)
             height_map = top.height_map
             frame = order.frame((0.0, 0.0, *height_map.size_mm))
-            session = VirtualBench.mount(
+            bench = VirtualBench(
                 height_map,
                 order.plan.height_mm,
                 replace(virtual_array(self.reading), seed=self.seed),
                 soil=top.soil,
                 part_id=order.part_name,
-            ).open_session()
+            )
+            session = bench.mounted().open_session()
         except FileError as problem:
             raise StageError(f"{problem.path.name} {problem.what}", problem.hint) from problem
         except StageError:

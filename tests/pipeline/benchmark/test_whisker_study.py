@@ -73,8 +73,8 @@ def test_only_straight_whiskers_and_profilers_do_not_enhance(height_mm: float) -
 def test_noise_of_a_cell_is_that_of_the_usual_sensors_multiplied() -> None:
     plan = default_plan((0.0, 0.0, 20.0, 8.0), character_height_mm=5.0)
     touch = VirtualArray().touch(5.0)
-    _, usual, _ = VirtualArray().draw(plan, touch)
-    _, loud, _ = CellArray(cell=cell_named("noise 10")).draw(plan, touch)
+    usual = VirtualArray().draw(plan, touch)["sensor"]
+    loud = CellArray(cell=cell_named("noise 10")).draw(plan, touch)["sensor"]
     assert usual is not None
     assert loud is not None
     assert loud.noise_n_mm == pytest.approx(10.0 * usual.noise_n_mm)

@@ -35,7 +35,7 @@ def reader() -> TactileReader:
 def session_of(dirt: float) -> StageSession:
     part = make_part(SynthSpec("AA99", seed=4, height_mm=HEIGHT_MM, soiling=Soiling(severity=dirt)), 0)
     array = VirtualArray(fidelity=Fidelity.POINTWISE, seed=3)
-    return VirtualBench.mount(part.height_map, HEIGHT_MM, array, soil=part.soil).open_session()
+    return VirtualBench(part.height_map, HEIGHT_MM, array, soil=part.soil).mounted().open_session()
 
 
 @pytest.fixture(scope="module")

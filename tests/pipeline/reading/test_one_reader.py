@@ -124,9 +124,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     spec = SynthSpec("AA99", seed=4, height_mm=3.0, soiling=Soiling(severity=0.5), lights=2)
     write_part(spec, folder / "whole", 0, photos=True)
     top = read_part_map(folder / "whole.npz")
-    bench = VirtualBench.mount(
+    bench = VirtualBench(
         top.height_map, 3.0, VirtualArray(fidelity=Fidelity.POINTWISE, seed=3), soil=top.soil
-    )
+    ).mounted()
     scan = bench.scan()
     save_scan(scan, folder / "scan.h5")
     dead = recorded(scan, rng=np.random.default_rng(1), fault=FaultKind.DEAD)
