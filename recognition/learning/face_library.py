@@ -174,11 +174,11 @@ def compare_faces(paths: Sequence[str], work: Path, *, to_map: int = 60) -> tupl
 
 def predict_library(
     paths: Sequence[str], work: Path, *, of_step: int = 128, of_window: int = 96
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, Any]:
     """The arrays of the library's file, from the fonts that were chosen."""
     plates = {path: face_plates(path, work, chars=CHARS, senses=True) for path in paths}
     names = [load_font(path).name for path in paths]
-    arrays: dict[str, NDArray[Any]] = {"names": np.array(names), "chars": np.array(list(CHARS))}
+    arrays: dict[str, Any] = {"names": np.array(names), "chars": np.array(list(CHARS))}
     for sense, views in VIEWS.items():
         every = [plate for _, of in plates.values() for plate in of[views]]
         map = fit_map(every, of_step=of_step, of_window=of_window)
@@ -227,8 +227,8 @@ def main(
     work.mkdir(parents=True, exist_ok=True)
     if same_faces:
         names = json.loads(LIBRARY.with_suffix(".fit.json").read_text("utf-8"))["fonts"]
-        files = {path.stem: str(path) for folder in folders for path in folder.rglob("*") if path.is_file()}
-        chosen = [files.get(name, name) for name in names]
+        every = {path.stem: str(path) for folder in folders for path in folder.rglob("*") if path.is_file()}
+        chosen = [every.get(name, name) for name in names]
         np.savez_compressed(LIBRARY, **predict_library(chosen, work, of_window=of_window))
         return
     if licences is None:
