@@ -376,9 +376,17 @@ Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
 def risk_thresholds(
     scores: Sequence[float], right: Sequence[bool], risks: Sequence[float], **options: Any
 ) -> Mapping[float, ThresholdTest]:
-    """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none."""
-    proven = {risk: proven_threshold(threshold_tests(scores, right, risk=risk, **options)) for risk in risks}
-    return {risk: test for risk, test in proven.items() if test is not None}
+    """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none.
+
+    A smaller risk has no lower threshold: in a group that is too small to test it, the larger risk may have failed.
+    """
+    proven, least = dict[float, ThresholdTest](), 0.0
+    for risk in sorted(risks, reverse=True):
+        tests = threshold_tests(scores, right, risk=risk, **options)
+        test = proven_threshold([test for test in tests if test.threshold >= least])
+        if test is not None:
+            proven[risk], least = test, test.threshold
+    return proven
 
 
 def find_thresholds(judged: Sequence[Judged]) -> Thresholds:
