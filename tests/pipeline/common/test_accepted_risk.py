@@ -205,6 +205,24 @@ def test_the_sequence_of_tests_is_fixed(readings: list[tuple[float, bool, str]])
                 assert share_bounds(sum(wrong), len(wrong), confidence=0.9)[1] <= most
 
 
+def test_a_group_that_is_too_small_for_a_risk_does_not_lower_its_threshold() -> None:
+    """Of the 95 readings of a group ten are wrong: too many for five times 2 %, and too few to be tested for 3 %."""
+    scores = [0.99] * 3000 + [0.9] * 95
+    right = [True] * 3000 + [True] * 85 + [False] * 10
+    groups = [("many",)] * 3000 + [("few",)] * 95
+    by_risk = {
+        risk: risk_thresholds(
+            scores, right, (risk,), confidence=0.95, thresholds=(0.95, 0.85), groups=groups
+        )[risk].threshold
+        for risk in (0.02, 0.006)
+    }
+    assert by_risk == {0.02: 0.95, 0.006: 0.85}
+    together = risk_thresholds(
+        scores, right, (0.02, 0.006), confidence=0.95, thresholds=(0.95, 0.85), groups=groups
+    )
+    assert {risk: test.threshold for risk, test in together.items()} == {0.02: 0.95, 0.006: 0.95}
+
+
 def test_a_risk_that_nothing_shows_has_no_threshold() -> None:
     few: Mapping[float, ThresholdTest] = risk_thresholds(
         [0.99] * 40, [True] * 40, (0.1, 0.001), confidence=0.95
