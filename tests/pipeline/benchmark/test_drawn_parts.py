@@ -64,7 +64,7 @@ def test_a_kept_part_is_read_without_simulation_as_one_drawn_afresh(
 ) -> None:
     touch, vision = reader.read(part.height_map, soil=part.soil_layer), reader.read(part.photo)
     afresh = {"tactile": touch, "vision": vision, "fused": reader.fuse(touch, vision)}
-    monkeypatch.setattr(drawn_parts, "mount", None)
+    monkeypatch.setattr(drawn_parts, "Mounted", None)
     loaded, sweeps = load_part(drawn_file)
     readings = read_part(loaded, sweeps, reader)["readings"]
     assert same(readings, {source: kept_of(reading) for source, reading in afresh.items()})

@@ -109,7 +109,8 @@ def sit_down(chromium: Any, desk: Any, service: Service) -> Iterator[Sit]:
     """Opens a page for a person; in the end nothing may have gone wrong on it, and no other host been asked."""
     pages, wrong, hosts = list[Any](), list[str](), set[str | None]()
     watched = {
-        "console": lambda message: wrong.append(message.text),
+        # the browser informs of an autofocus that came after a click
+        "console": lambda message: message.type == "info" or wrong.append(message.text),
         "pageerror": lambda error: wrong.append(str(error)),
         "request": lambda request: hosts.add(urlsplit(request.url).hostname),
     }
