@@ -197,10 +197,9 @@ def claim_evidence_folder(tx: Transaction, identity: str) -> str:
     return claimed or identity
 
 
-def hash_of(secret: str) -> str:
-    """Stored hash of a token's secret or of a key: SHA-256, without a salt, because 256 random bits cannot be
-    guessed."""
-    return sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
+def hash_of(text: str) -> str:
+    """SHA-256 of a key, or of a token's secret: 256 random bits, which cannot be guessed and need no salt."""
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def record_of(kind: type[T], row: AnyRow) -> T:
