@@ -306,8 +306,9 @@ class PartSettings(Settings):
     """Character height in mm (default: measured)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
-    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.01
-    """Greatest share of wrong readings among those accepted, such as 1/100."""
+    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] | None = None
+    """Greatest share of wrong readings among those accepted, such as 1/100. Default: 1 in 1,000; a sense that was not
+    shown to keep it accepts at the least risk that it keeps."""
 
 
 class ReadSettings(MapSettings, PartSettings):
@@ -372,7 +373,7 @@ class ReadSettings(MapSettings, PartSettings):
 
     def check_accept_risk(self) -> None:
         """Check that a sense keeps the accepted risk, if one was set. Raises MarksError: none does."""
-        if "accept_risk" in self.model_fields_set:
+        if self.accept_risk is not None:
             from recognition.decide.risk import require_kept  # slow
 
             require_kept(self.accept_risk, self.sources)

@@ -64,7 +64,7 @@ def measure_text(
     of_score = {Measure.CONFIDENCE: round(score, DIGITS), Measure.MARGIN: margin}
     return replace(
         choice,
-        accept_risk=settings.accept_risk,
+        accept_risk=settings.risk_of(choice.scored_as),
         threshold=settings.least_score(choice.scored_as),
         measures=Measures({**groups, tuple(of_score): lambda: of_score}),
         score=score,
