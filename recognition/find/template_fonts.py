@@ -37,7 +37,7 @@ class MatchingLimits:
     size_step: float = 1.1
     first_sizes: int = 3
     most_sizes: int = 9
-    # share of what the best size or row explains from which another one is looked at
+    # share of what the best size, or line in another layout, explains from which another one is looked at
     least_explained: float = 0.6
     most_lines: int = 3
     apart_heights: float = 1.1

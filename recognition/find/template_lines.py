@@ -9,7 +9,7 @@ What explains far less than the best is not looked at more finely, and no line i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,8 +68,7 @@ class TemplateSearch(Search):
 
     def candidates(self) -> list[TextLine]:
         """Propose lines, most promising first, without reading them."""
-        rows = self._placed_rows(*self._tries[0])
-        return [row.through(row.ends) for row in rows]
+        return self._candidates(*self._tries[0])
 
     def turned_candidates(self, *turns_deg: float) -> list[TextLine]:
         """Return nothing: templates are matched along level rows only."""
@@ -79,7 +78,7 @@ class TemplateSearch(Search):
         """Read the lines of the view, most promising first; try raised and dotted marks if sunk ones fail."""
         if about:
             return self.read(about)
-        lines = self._until_sure(self._proposals())
+        lines = self._until_sure((style, self._candidates(style, sizes)) for style, sizes in self._tries)
         if is_convincing(lines, self.request.limits.plain):
             return lines
         return rank([*lines, *self.read(read.line.reversed for read in lines[:1])])
@@ -92,13 +91,6 @@ class TemplateSearch(Search):
         if cheap and self.request.grammar is not None:
             lines = [line for line in lines if self._explains_enough(line)]
         return self._until_sure((style, lines) for style in self._likely_styles())
-
-    def _proposals(self) -> Iterator[tuple[MarkStyle, Sequence[TextLine]]]:
-        for style, sizes in self._tries:
-            rows = self._placed_rows(style, sizes)
-            # the first try also finds other lines of the part; a later one has to find a better line
-            least = -math.inf if (style, sizes) == self._tries[0] else self._least_total()
-            yield style, [row.through(row.ends) for row in rows if row.total >= least]
 
     def _explains_enough(self, line: TextLine) -> bool:
         pixels, least = self._fonts.matching.coarse_pixels, self._least_total()
@@ -137,7 +129,7 @@ class TemplateSearch(Search):
         templates = self._fonts.predict(font, self.request.chars_of(font), key)
         return glyph_images(templates, pixels=pixels)
 
-    def _placed_rows(self, style: MarkStyle, sizes: slice) -> list[_PlacedLine]:
+    def _candidates(self, style: MarkStyle, sizes: slice) -> list[TextLine]:
         placed = [
             placed
             for font in self._fonts.in_style(style)
@@ -146,16 +138,13 @@ class TemplateSearch(Search):
             for placed in self._rows(size, font, style)
             if placed.placed
         ]
-        rows: list[_PlacedLine] = []
         lines: list[TextLine] = []
-        for row in sorted(placed, key=lambda row: -row.total):
-            line = row.through(row.ends)
+        for line in (row.through(row.ends) for row in sorted(placed, key=lambda row: -row.total)):
             # parts of characters resemble others: two lines are at least this far apart
             band_mm = self._fonts.matching.apart_heights * line.height_mm
             if not any(overlap(line, other, band_mm=band_mm) for other in lines):
-                rows.append(row)
                 lines.append(line)
-        return rows[: self._fonts.matching.most_lines]
+        return lines[: self._fonts.matching.most_lines]
 
     def _sizes(self, font: Font, style: MarkStyle) -> list[_Size]:
         """Character heights worth a look, first the one whose templates explain most along any row of the view."""
