@@ -1,9 +1,6 @@
-"""Errors of files, of this machine and of the program.
-
-Errors of a file's content are raised without the file's name: the caller that opened the file names it.
-
-A file is known by its path or URL. Where it is a copy, or an upload, `shown_as` sets the name shown.
-"""
+"""Errors of files, of this machine and of the program. Errors of a file's content are raised without the file's name:
+the caller that opened the file names it. A file is known by its path or URL. Where it is a copy, or an upload,
+`shown_as` sets the name shown."""
 
 from __future__ import annotations
 
@@ -143,11 +140,9 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 
 @contextlib.contextmanager
 def processor_limit(limit_s: float) -> Iterator[None]:
-    """Limit the processor time of Python code, such as that of a parser that a file makes loop.
-
-    Only in the main thread of a system with such a timer, if it is not in use. Raises DataError: the time is over;
-    raised again five times a second, for code that catches every exception.
-    """
+    """Limit the processor time of Python code, such as that of a parser that a file makes loop. Only in the main thread
+    of a system with such a timer, if it is not in use. Raises DataError: the time is over; raised again five times a
+    second, for code that catches every exception."""
     main = threading.current_thread() is threading.main_thread()
     if not (main and hasattr(signal, "setitimer") and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL):
         yield

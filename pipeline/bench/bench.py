@@ -41,13 +41,9 @@ class Bench:
     """Stage and converter, open."""
 
     def __init__(self, settings: BenchSettings) -> None:
-        """Open both ports; nothing moves.
-
-        Raises:
-            MissingExtraError: a library is not installed.
-            StageError: a port cannot be opened, the device on it does not answer, or the converter has another number
-                of channels than the comb has whiskers.
-        """
+        """Open both ports; nothing moves. Raises MissingExtraError: a library is not installed. StageError: a port
+        cannot be opened, the device on it does not answer, or the converter has another number of channels than the
+        comb has whiskers."""
         self.settings = settings
         self._in_pass = False
         whiskers = settings.comb.n_whiskers
@@ -69,7 +65,6 @@ class Bench:
         self.close()
 
     def home(self) -> None:
-        """Lift, find the ends of the axes, and lift to the travel height. Raises StageError: homing failed."""
         self.stage.home()
         check_limits(self.stage.place_mm(), self.settings.stage)
         self.stage.lift()
@@ -166,11 +161,9 @@ def raster_passes(
     *,
     each_whisker: bool = False,
 ) -> tuple[Pass, ...]:
-    """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb.
-
-    With `each_whisker` every whisker crosses the whole region, there and back, on the lines of a test piece; the lines
-    of a pass are in the order of the whiskers, however the comb is turned, so that each keeps its column.
-    """
+    """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb. With `each_whisker` every
+    whisker crosses the whole region, there and back, on the lines of a test piece; the lines of a pass are in the order
+    of the whiskers, however the comb is turned, so that each keeps its column."""
     usual = default_plan(
         region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions), two_way=each_whisker,
         lines_per_height=PIECE_LINES if each_whisker else LINES_PER_HEIGHT,

@@ -31,34 +31,24 @@ _HOME_HINT = "check that nothing is in the way, then: tactile-marks bench home B
 
 @dataclass(frozen=True)
 class Dialect:
-    """G-code and answers of a firmware.
-
-    Attributes:
-        settle: lines that are acknowledged when all moves have ended.
-        touching, not_touching: lines that set and clear the spare output, at rest.
-        dwell: line that waits for `s` seconds (`ms` milliseconds).
-        home: lines that find the ends of all axes, each sent when the one before is done.
-        place: pattern of an answer, with machine x, y, z in its groups.
-        bad: patterns of answers that end a run, with the message; the first that matches counts.
-    """
+    """G-code and answers of a firmware."""
 
     name: str
     absolute: str
-    settle: tuple[str, ...]
-    touching: tuple[str, ...]
-    not_touching: tuple[str, ...]
-    dwell: str
-    home: tuple[str, ...]
+    settle: tuple[str, ...]  # lines that are acknowledged when all moves have ended
+    touching: tuple[str, ...]  # lines that set the spare output, at rest
+    not_touching: tuple[str, ...]  # lines that clear it
+    dwell: str  # line that waits for `s` seconds (`ms` milliseconds)
+    home: tuple[str, ...]  # lines that find the ends of all axes, each sent when the one before is done
     lifts_to_home: bool
-    place: re.Pattern[str]
+    place: re.Pattern[str]  # of an answer, with machine x, y, z in its groups
+    # patterns of answers that end a run, with the message; the first that matches counts
     bad: tuple[tuple[str, str], ...]
 
 
 class Sender:
-    """Send lines to a firmware, which acknowledges each with `ok`, in order.
-
-    Lines are sent as far as the firmware has room. After it has requested a line again, they are sent one at a time.
-    """
+    """Send lines to a firmware, which acknowledges each with `ok`, in order. Lines are sent as far as the firmware has
+    room. After it has requested a line again, they are sent one at a time."""
 
     def __init__(
         self,
@@ -135,7 +125,6 @@ class Controller(ABC):
         """End all moves now, then lift; it needs homing afterwards. Raises StageError: it could not be lifted."""
 
     def home(self) -> None:
-        """Lift, and find the ends of all axes. Raises StageError: homing failed."""
         if self.lost:
             self.connect()
         if not self.dialect.lifts_to_home:

@@ -70,7 +70,6 @@ class Grbl(Controller):
     )
 
     def connect(self) -> str:
-        """Wait until its moves have ended, then reset it. Raises StageError: it does not answer like GRBL."""
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
         # the last pass of a dead host ends with its lift; a booting board does not answer at first
@@ -86,7 +85,6 @@ class Grbl(Controller):
         self._state(wait_s=self.settings.answer_s)
 
     def stop(self) -> None:
-        """Feed hold, soft reset, lift. Raises StageError: it does not answer."""
         self.lost = True
         self.port.write(b"!")
         until = time.monotonic() + self.settings.answer_s
@@ -167,7 +165,6 @@ class Marlin(Controller):
         self.run(["M400", "M114"], seconds=0.0)
 
     def take_in(self, answer: str) -> None:
-        """Process an answer, including the name. Raises StageError: it ends the run."""
         super().take_in(answer)
         if answer.startswith("FIRMWARE_NAME:"):
             self._name = answer.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]

@@ -67,7 +67,6 @@ class LineDaq:
         return f"{self._name}, {self.whiskers} channels, {2 * self._full} counts over +-{self._range_v:g} V"
 
     def start(self) -> None:
-        """Start sampling. Raises StageError: it does not answer."""
         self._ask("start")
 
     def stop(self) -> Record:

@@ -67,28 +67,18 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Moves:
-    """Machine moves of one pass.
+    """Machine moves of one pass."""
 
-    Attributes:
-        begin_mm, end_mm: machine x, y of the move that touches.
-        touch_z_mm, lift_z_mm: machine z.
-        ramp: speed ramp of the move that touches.
-        first_mm: distance from the start of that move to the first sample of the pass.
-        whisker: the whisker that runs on each line of the pass.
-        speed_mm_s: speed while touching.
-        air_s: time lifted, for the air samples.
-    """
-
-    begin_mm: tuple[float, float]
-    end_mm: tuple[float, float]
-    touch_z_mm: float
+    begin_mm: tuple[float, float]  # machine x, y of the start of the move that touches
+    end_mm: tuple[float, float]  # and of its end
+    touch_z_mm: float  # machine z
     lift_z_mm: float
     turn_deg: float
-    ramp: Ramp
-    first_mm: float
-    whisker: tuple[int, ...]
-    speed_mm_s: float
-    air_s: float
+    ramp: Ramp  # of the speed of the move that touches
+    first_mm: float  # distance from the start of that move to the first sample of the pass
+    whisker: tuple[int, ...]  # the one that runs on each line of the pass
+    speed_mm_s: float  # while touching
+    air_s: float  # time lifted, for the air samples
 
 
 def comb_turn_deg(order: Pass) -> int:

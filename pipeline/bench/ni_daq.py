@@ -1,7 +1,5 @@
-"""A National Instruments card as converter, through the library nidaqmx and the NI-DAQmx driver.
-
-The stage's spare output is wired to an analogue input beside the whiskers', so one task samples all with one clock.
-"""
+"""A National Instruments card as converter, through the library nidaqmx and the NI-DAQmx driver. The stage's spare
+output is wired to an analogue input beside the whiskers', so one task samples all with one clock."""
 
 from __future__ import annotations
 
@@ -16,10 +14,8 @@ from pipeline.bench.sampling import Record
 from pipeline.bench.settings import DaqSettings
 from whisker_array.scan.stage_error import StageError
 
-_BUFFER_S = 60.0
-"""Size of the driver's buffer, s, more than any pass takes."""
-_SYNC_V = 1.5
-"""Voltage above which the output is set: half of 3.3 V, and well below 5 V."""
+_BUFFER_S = 60.0  # of the driver's buffer, more than any pass takes
+_SYNC_V = 1.5  # above which the output is set: half of 3.3 V, and well below 5 V
 _CLIPPED = 0.999
 
 
@@ -54,7 +50,6 @@ class NiDaq:
         return f"{self._settings.channels} by NI-DAQmx, {self.whiskers} channels at {self._rate_hz:g} Hz"
 
     def start(self) -> None:
-        """Start sampling. Raises StageError: the driver reports an error."""
         with self._refusals_reported():
             self._task.start()
 

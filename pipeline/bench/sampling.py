@@ -22,24 +22,17 @@ from whisker_array.whisker.passes import Pass
 
 _LATE_S = 0.03
 """Tolerance, s, between the time that the output is set and the duration of the move: firmware planning and samples."""
-_LONGER = 0.02
-"""Further tolerance, as a share of the duration of the move."""
+_LONGER = 0.02  # further tolerance, as a share of the duration of the move
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Samples between start and stop.
+    """Samples between start and stop."""
 
-    Attributes:
-        volts: (samples, whiskers).
-        sync: (samples,) whether the stage's output was set.
-        clipped: (samples, whiskers) whether the sample is at an end of the converter's range.
-    """
-
-    volts: NDArray[np.float64]
-    sync: NDArray[np.bool_]
+    volts: NDArray[np.float64]  # (samples, whiskers)
+    sync: NDArray[np.bool_]  # (samples,) whether the stage's output was set
     rate_hz: float
-    clipped: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]  # (samples, whiskers) whether the sample is at an end of the converter's range
 
     def stretches(self) -> list[slice]:
         """Stretches where the stage's output was set, in time order."""

@@ -75,7 +75,6 @@ class SerialPort:
             pass
 
     def close(self) -> None:
-        """Close the port; closing again does nothing."""
         self._port.close()
 
     def _gone(self, error: Exception) -> StageError:

@@ -19,42 +19,27 @@ Span = tuple[Finite, Finite]
 
 
 class StageSettings(Strict):
-    """The stage and its controller.
-
-    Attributes:
-        port: serial port, or socket://HOST:PORT.
-        origin_mm: machine x, y at which the turning axis (the middle of the comb, without one) is over the plate's
-            (0, 0), its upper left corner.
-        flip_x, flip_y: the machine's axis runs against the plate's, whose y points down.
-        flip_turn: the turning axis turns against the direction from the plate's x to its y.
-        turn_axis: letter of the axis that turns the comb; without one only passes along +x are possible.
-        tip_mm: offset from the turning axis to the middle tip, along the trace and across, at 0 degrees.
-        land_z_mm: machine z at which unloaded tips just reach the land; greater z is higher.
-        lift_mm: height above the land at which the tips travel.
-        travel_mm: least and greatest x, y, z of all moves.
-        acceleration_mm_s2: of x and y, as set in the firmware.
-        rapid_mm_s, lower_mm_s: speed of moves without touch, and of the move down to the land.
-        answer_s: longest wait for an answer of the controller; `home_s` for homing.
-    """
+    """The stage and its controller."""
 
     firmware: Literal["grbl", "marlin"]
-    port: str = Field(min_length=1)
+    port: str = Field(min_length=1)  # serial port, or socket://HOST:PORT
     baud: int = Field(default=115_200, gt=0)
+    # machine x, y at which the turning axis (or the middle of the comb) is over the plate's upper left corner (0, 0)
     origin_mm: Span
-    flip_x: bool = False
-    flip_y: bool = True
-    flip_turn: bool = False
-    turn_axis: Literal["", "A", "B", "C"] = ""
-    tip_mm: Span = (0.0, 0.0)
-    land_z_mm: Finite
-    lift_mm: Positive = 5.0
-    travel_mm: tuple[Span, Span, Span]
+    flip_x: bool = False  # the machine's axis runs against the plate's
+    flip_y: bool = True  # likewise; the plate's y points down
+    flip_turn: bool = False  # the turning axis turns against the direction from the plate's x to its y
+    turn_axis: Literal["", "A", "B", "C"] = ""  # turns the comb; without one all passes run along +x
+    tip_mm: Span = (0.0, 0.0)  # turning axis to middle tip, along the trace and across, at 0 degrees
+    land_z_mm: Finite  # machine z at which unloaded tips just reach the land; greater z is higher
+    lift_mm: Positive = 5.0  # height above the land at which the tips travel
+    travel_mm: tuple[Span, Span, Span]  # least and greatest x, y, z of all moves
     most_preload_mm: Positive = 2.0
-    acceleration_mm_s2: Positive = 500.0
-    rapid_mm_s: Positive = 50.0
-    lower_mm_s: Positive = 5.0
-    answer_s: Positive = 5.0
-    home_s: Positive = 60.0
+    acceleration_mm_s2: Positive = 500.0  # of x and y, as set in the firmware
+    rapid_mm_s: Positive = 50.0  # of moves without touch
+    lower_mm_s: Positive = 5.0  # of the move down to the land
+    answer_s: Positive = 5.0  # longest wait for an answer of the controller
+    home_s: Positive = 60.0  # the same for homing
 
     @model_validator(mode="after")
     def _heights(self) -> StageSettings:
@@ -90,28 +75,17 @@ class PlateSettings(Strict):
 
 
 class DaqSettings(Strict):
-    """The converter.
+    """The converter."""
 
-    Attributes:
-        kind: "line": a microcontroller with the line protocol, on a port; "nidaqmx": a card of NI.
-        channels: channels of "nidaqmx", such as Dev1/ai0:7.
-        sync_channel: analogue input of "nidaqmx" that is wired to the stage's spare output.
-        rate_hz: samples a second.
-        range_v: range to either side, V.
-        volt_per_n_mm: one number, or one for each whisker, as `bench calibrate` prints them.
-        gains_known: the numbers are from `bench calibrate`, not from a data sheet.
-        answer_s: longest wait for an answer.
-    """
-
-    kind: Literal["line", "nidaqmx"]
+    kind: Literal["line", "nidaqmx"]  # a microcontroller with the line protocol, on a port, or a card of NI
     port: str = ""
     baud: int = Field(default=2_000_000, gt=0)
-    channels: str = ""
-    sync_channel: str = ""
+    channels: str = ""  # of "nidaqmx", such as Dev1/ai0:7
+    sync_channel: str = ""  # analogue input of "nidaqmx" that is wired to the stage's spare output
     rate_hz: Positive = 2000.0
-    range_v: Positive = 10.0
-    volt_per_n_mm: Finite | tuple[Finite, ...] = 1.0
-    gains_known: bool = False
+    range_v: Positive = 10.0  # to either side
+    volt_per_n_mm: Finite | tuple[Finite, ...] = 1.0  # one, or one a whisker; as `bench calibrate` prints it
+    gains_known: bool = False  # the numbers are from `bench calibrate`, not from a data sheet
     answer_s: Positive = 3.0
 
     @model_validator(mode="after")
@@ -163,7 +137,6 @@ class BenchSettings(Strict):
         )
 
     def run_up_mm(self, speed_mm_s: float) -> float:
-        """Distance within which the stage reaches a speed."""
         return 1.05 * speed_mm_s**2 / (2.0 * self.stage.acceleration_mm_s2) + math.ulp(1.0)
 
 

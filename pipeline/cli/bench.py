@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from whisker_array.whisker.passes import Pass
 
 Region = tuple[float, float, float, float]
-_CALIBRATED_HEIGHTS = 3.0
-"""Length of bare land for a calibration, character heights."""
+_CALIBRATED_HEIGHTS = 3.0  # length of bare land for a calibration, character heights
 
 
 @contextlib.contextmanager

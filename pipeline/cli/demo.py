@@ -21,9 +21,7 @@ PLATES: dict[str, dict[str, Any]] = {
     "round-roman": {"text": "TA19R645", "fonts": "timesr", "face": "round", "height_mm": 7.0},
     "raised": {"text": "HM52G793", "fonts": "futural", "face": "flat", "raised": True},
 }
-"""Stamping of each plate, by name."""
-SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)
-"""Severity of the dirt on each part that the service reads."""
+SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)  # of the dirt on each part that the service reads
 FORMAT = "AA999999"
 _SEED, _SERVED_SEED = 2024, 11
 

@@ -139,7 +139,7 @@ def run(
     )  # fmt: skip
     vouching = valid_certificate(certificate) if certificate is not None else None
     # parts of a design are upright; the orientation of other parts is unknown
-    lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
+    orientation = Orientation.UPRIGHT if inputs is None else Orientation.ANY
     try:
         risk = parse_risk(accept_risk)
     except ValueError as error:
@@ -149,7 +149,7 @@ def run(
         reading = ReaderSettings(
             array=VirtualArray(touch, Sensors(sensors), Fidelity(fidelity)),
             accept_risk=risk,
-            orientation=lie,
+            orientation=orientation,
             experts=split_commas(experts),
         )
     except ValueError as error:
@@ -378,10 +378,8 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _check_stable(statistics: Statistics) -> None:
-    """Report every accepted serial that a perturbation changed into another accepted serial.
-
-    Single experts and other programs make no decisions: only the report shows their changes.
-    """
+    """Report accepted serials that a perturbation changed into other accepted ones; single experts and other programs
+    make no decisions: only the report shows their changes."""
     from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 
     deciding = [s for s in statistics.stability if s.perturbation and s.key.mode not in {*EXPERTS, *PEERS}]

@@ -8,12 +8,9 @@ from pathlib import Path
 
 from glyphs.errors import MarksError
 
-FAILED = 1
-"""A part, file, store or machine failed."""
-USAGE = 2
-"""An argument or setting cannot be used, or an extra is not installed."""
-FAULT = 70
-"""A fault of the program, like EX_SOFTWARE of sysexits.h."""
+FAILED = 1  # a part, file, store or machine failed
+USAGE = 2  # an argument or setting cannot be used, or an extra is not installed
+FAULT = 70  # a fault of the program, like EX_SOFTWARE of sysexits.h
 INTERRUPTED = 130
 BROKEN_PIPE = 141
 

@@ -150,8 +150,8 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
 for _words, _group, _function, _line, _ in _COMMANDS:
     *_path, _name = _words.split()
     _within, _panel = (app[_path[0]], "Commands") if _path else (app, _group)
-    _found = f"pipeline.cli.{_function}" if _function else completion
-    _within.command(_found, name=_name, help=_line, group=_panel, help_format="markdown")
+    _target = f"pipeline.cli.{_function}" if _function else completion
+    _within.command(_target, name=_name, help=_line, group=_panel, help_format="markdown")
 
 
 def _command_of(arguments: Sequence[str]) -> tuple[list[str], App]:

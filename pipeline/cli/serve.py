@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
     from pipeline.workers.options import PoolSettings
 
-STARTED_S = time.monotonic()
-"""Start of the command: this module is loaded before the slow ones."""
+STARTED_S = time.monotonic()  # of the command: this module is loaded before the slow ones
 
 
 def serve(

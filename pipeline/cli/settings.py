@@ -51,8 +51,7 @@ _BEGINNING = """\
 # Settings of tactile-marks. Those at their defaults are commented out: remove the # before a name to set it.
 # Environment variables and flags override this file; `tactile-marks serve --help-all` names them.
 """
-_ALIKE = 0.75
-"""Likeness of names (difflib's ratio) from which one counts as a misspelling of the other."""
+_ALIKE = 0.75  # likeness of names (difflib's ratio) from which one counts as a misspelling of the other
 _TYPES = {
     bool: "true or false",
     str: "text",
@@ -87,12 +86,10 @@ Parts = Annotated[
     ),
 ]
 Maps = Annotated[MapSettings, Parameter(name="*", group=Group("Settings of height files"))]
+# from file and environment only, for commands whose flags mean something else
 ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
-"""Settings from file and environment only, for a command whose flags mean something else."""
 ServiceOfFile = Annotated[ServiceSettings, Parameter(name="service", show=False)]
-"""Likewise."""
 WorkersOfFile = Annotated[WorkerSettings, Parameter(name="workers", show=False)]
-"""Likewise."""
 Config = Annotated[
     Path | None,
     Parameter(
@@ -111,13 +108,9 @@ PARTS, POOL = PartSettings(), PoolSettings()
 
 
 def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Fill in settings from environment and file that have no flag on the command line.
-
-    Raises:
-        SettingsError: the file cannot be read or has unknown keys, a job and a settings file are both given, or the
-            database is missing.
-        FileError: the job cannot be used.
-    """
+    """Fill in settings from environment and file that have no flag on the command line. Raises SettingsError: the file
+    cannot be read or has unknown keys, a job and a settings file are both given, or the database is missing. FileError:
+    the job cannot be used."""
     config, job = (
         next((Path(a.tokens[0].value) for a in arguments if a.name == flag and a.tokens), None)
         for flag in ("--config", "--job")
@@ -156,11 +149,10 @@ def explained(error: CycloptsError) -> str:
     fields = _leaves(error.argument) if error.argument is not None else {}
     sources = {name: field.tokens[0].source for name, field in fields.items() if field.tokens}
     elsewhere = {name: source for name, source in sources.items() if source != "cli"}
-    return str(bad_value(cause, called=lambda name: elsewhere.get(name, flag_of(name))))
+    return str(bad_value(cause, called=lambda name: elsewhere.get(name, _flag_of(name))))
 
 
-def flag_of(name: str) -> str:
-    """The flag of a setting."""
+def _flag_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
@@ -172,9 +164,9 @@ def unknown_flag_hint(unknown: str, flags: Sequence[str]) -> str:
     name = unknown[2:].replace("-", "_")
     for model in MODELS:
         written = model.replaced.get(name, "")
-        if written and flag_of(written.split()[0]) in flags:
+        if written and _flag_of(written.split()[0]) in flags:
             setting, _, value = written.partition(" = ")
-            return f"Did you mean {f'{flag_of(setting)} {value}'.rstrip()}?"
+            return f"Did you mean {f'{_flag_of(setting)} {value}'.rstrip()}?"
         if unknown not in flags and name in model.leaves():
             return (
                 f"Set {f'{model.table}.{name}'.lstrip('.')} in {DEFAULT_FILE} or as {model.variable(name)}."

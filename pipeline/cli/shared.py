@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 FidelityName = Literal["pointwise", "contact"]
 SensorsName = Literal["real", "ideal"]
-Flag = Annotated[bool, Parameter(negative="")]
-"""A flag without a negative form (default: off)."""
+Flag = Annotated[bool, Parameter(negative="")]  # without a negative form (default: off)
 Positive = Annotated[int | None, Parameter(validator=Number(gte=1))]
 Jobs = Annotated[int, Parameter(validator=Number(gte=1))]
 

@@ -111,7 +111,7 @@ def scan(
     plan = replace(plan, each_whisker=piece)
     if built is not None:
         plan = replace(plan, speed_mm_s=built.speed_mm_s)
-    print(describe_plan(plan))
+    print(_describe_plan(plan))
     shape, touch = built.whisker if built else default_whisker(height), array.touch(height)
     mu = touch.friction if friction is None else friction
     if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
@@ -283,8 +283,7 @@ def import_traces(
         print(f"its signals are in volts: run tactile-marks calibrate {out}")
 
 
-def describe_plan(plan: RasterPlan) -> str:
-    """Describe region, array, passes and time on one line."""
+def _describe_plan(plan: RasterPlan) -> str:
     x0, y0, x1, y1 = plan.region_mm
     array, ways = plan.array, "/".join(f"{int(d)}°" for d in plan.directions) + " and back" * plan.two_way
     return (
@@ -295,18 +294,11 @@ def describe_plan(plan: RasterPlan) -> str:
 
 
 def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:
-    """Compare the linear beam (Assumption 1) with the exact bent shape on a level surface.
+    """Compare the linear beam (Assumption 1) with the exact bent shape on a level surface, in some 10 ms; a warning, or
+    nothing if force and moment are within `LINEAR_ERROR_LIMIT` and the tip bends by `DEFLECTION_LIMIT` of l1 at most.
 
-    It solves a boundary value problem, which takes some 10 ms.
-
-    Args:
-        whisker: a whisker that lies in the plane of tracing.
-        lift_mm: height by which the surface lifts the tip, mm: preload plus height of marks above the land.
-        mu: friction coefficient (WhiskerError: negative or not finite).
-
-    Returns:
-        A warning; empty if force and moment are within `LINEAR_ERROR_LIMIT` and the tip bends by no more than
-        `DEFLECTION_LIMIT` of l1.
+    The whisker lies in the plane of tracing; `lift_mm` is the height by which the surface lifts the tip: preload plus
+    height of marks above the land. Raises WhiskerError: the friction `mu` is negative or not finite.
     """
     from whisker_array.whisker.elastica import ElasticaError, linear_error
     from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio

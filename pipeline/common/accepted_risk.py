@@ -62,11 +62,9 @@ class ThresholdTest:
 
 
 def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
-    """Least number of accepted parts that proves the risk, with a given number of wrong ones among them.
-
-    Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %. Both must lie between 0
-    and 1 (ValueError).
-    """
+    """Least number of accepted parts that proves the risk, with a given number of wrong ones among them. Without a
+    wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %. Both must lie between 0 and 1
+    (ValueError)."""
     from scipy.special import bdtrin
 
     for name, value in (("risk", risk), ("confidence", confidence)):
@@ -77,30 +75,21 @@ def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
 
 
 def threshold_tests(
-    scores: Sequence[float],
+    scores: Sequence[float],  # of each reading; it is accepted if its score reaches the threshold
     right: Sequence[bool],
     *,
-    risk: float,
+    risk: float,  # largest share of wrong readings among the accepted
     confidence: float,
-    thresholds: Sequence[float] = THRESHOLDS,
-    groups: Sequence[Collection[str]] = (),
-    group_factor: float = 5.0,
-    start_share: float = 1.0,
+    thresholds: Sequence[float] = THRESHOLDS,  # strictest first; chosen before any part is read
+    groups: Sequence[Collection[str]] = (),  # of each reading, such as its generator; none without groups
+    group_factor: float = 5.0,  # risk of each group by itself, as a multiple of `risk`
+    start_share: float = 1.0,  # most that the first tested threshold may accept to be allowed a wrong one
 ) -> tuple[ThresholdTest, ...]:
     """Test the thresholds in order, as the module describes; the last one shown to hold is the one to use.
 
-    Args:
-        scores: score of each reading that is accepted if it reaches the threshold.
-        risk: largest share of wrong readings among the accepted.
-        thresholds: strictest first; chosen before any part is read.
-        groups: groups of each reading, such as its generator; none if there are no groups.
-        group_factor: risk of each group by itself, as a multiple of `risk`.
-        start_share: largest share of the readings that the first tested threshold may accept to be allowed a wrong one;
-            below 1 where many readings are doubtful, for these would all be accepted there.
-
-    Raises:
-        ValueError: the lengths differ, the risk or the confidence does not lie between 0 and 1, or the thresholds do
-            not fall.
+    Below 1, `start_share` is for many doubtful readings, which would all be accepted at the first tested threshold.
+    Raises ValueError: the lengths differ, the risk or the confidence does not lie between 0 and 1, or the thresholds do
+    not fall.
     """
     values, wrong = np.asarray(scores, dtype=np.float64), ~np.asarray(right, dtype=bool)
     if values.shape != wrong.shape or (groups and len(groups) != values.size):
@@ -171,10 +160,8 @@ def proven_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
 def parts_missing(
     tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float, most_wrong: int = 10_000
 ) -> int | None:
-    """Estimate how many more parts would show the risk to hold at some threshold; None if no number would.
-
-    The same shares of accepted and of wrong readings are assumed among them, and at most `most_wrong` wrong ones.
-    """
+    """Estimate how many more parts would show the risk to hold at some threshold; None if no number would. The same
+    shares of accepted and of wrong readings are assumed among them, and at most `most_wrong` wrong ones."""
     totals = []
     for test in tests:
         if not test.accepted or test.wrong / test.accepted >= risk:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-FileStamp = tuple[int, int]
-"""Size and modification time of a file, ns, at one look."""
+FileStamp = tuple[int, int]  # size and modification time of a file, ns, at one look
 
 
 def stamp_of(status: os.stat_result) -> FileStamp:

@@ -1,7 +1,4 @@
-"""Measures of the whiskers on a golden part, and their changes since the whiskers were new.
-
-gain, zero, tip radius, friction, preload --against the reference--> "The tip is worn ..." or nothing
-"""
+"""Measures of the whiskers on a golden part, and their changes since the whiskers were new."""
 
 from __future__ import annotations
 
@@ -72,8 +69,7 @@ _LIMITS = {
         0.1, True, "the tips run {now:.2f} mm below the land, {then:.2f} before", "set the stage's height",
     ),
 }  # fmt: skip
-SIGMAS = 2.0
-"""Standard deviations by which a change must exceed its limit; a smaller excess may be chance."""
+SIGMAS = 2.0  # standard deviations by which a change must exceed its limit; a smaller excess may be chance
 
 
 def wear_messages(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:

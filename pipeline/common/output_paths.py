@@ -1,7 +1,5 @@
-"""Output files and folders: checked before the work starts, and written whole or not at all.
-
-All functions raise FileError for a place that cannot be written.
-"""
+"""Output files and folders: checked before the work starts, and written whole or not at all. All functions raise
+FileError for a place that cannot be written."""
 
 from __future__ import annotations
 
@@ -14,8 +12,7 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.common.texts import CSV_BEGIN, csv_line
 
-PICTURES = (".png", ".svg", ".pdf")
-"""Suffixes of pictures that can be drawn."""
+PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures that can be drawn
 
 
 def make_folder(folder: Path) -> None:

@@ -1,8 +1,6 @@
-"""Read TOML and JSON that people write; every fault of the text raises the same kind of error.
-
-The parsers raise more than their own errors: RecursionError for deeply nested brackets, ValueError for a number with
-more digits than Python converts. If several keys are wrong, the message names the first.
-"""
+"""Read TOML and JSON that people write; every fault of the text raises the same kind of error. The parsers raise more
+than their own errors: RecursionError for deeply nested brackets, ValueError for a number with more digits than Python
+converts. If several keys are wrong, the message names the first."""
 
 from __future__ import annotations
 
@@ -20,8 +18,7 @@ from glyphs.errors import FileError
 from pipeline.common.output_paths import write_text
 from pipeline.errors import DataError, naming, require_file
 
-MOST_BYTES = 1_000_000
-"""Size limit of a file that a person has written."""
+MOST_BYTES = 1_000_000  # of a file that a person has written
 _MOST_SHOWN = 200
 _TOO_DEEP = re.compile(r"""(?<!["'\w-])(?:["'\w-]++[ \t]*+\.[ \t]*+){201}""")
 """A key with too many dots: the parser's time and memory grow with their square."""
@@ -103,15 +100,9 @@ def read_toml(
     format_version: int | None = None,
     hidden: Collection[str] = (),
 ) -> Model:
-    """Read a TOML file as a model.
-
-    Args:
-        format_version: supported version; a file without one counts as version 1. None: files have no version.
-        hidden: names of the model's alternatives, which are not keys of the file.
-
-    Raises:
-        FileError: the file is not TOML or of another version; a key is unknown, missing or invalid.
-    """
+    """Read a TOML file as a model. Raises FileError: the file is not TOML or of another version; a key is unknown,
+    missing or invalid. A file without a version counts as version 1; files of a `format_version` of None have no
+    version. `hidden` are names of the model's alternatives, which are not keys of the file."""
     written = toml_of(path)
     if format_version is not None and (version := written.pop("format_version", 1)) != format_version:
         says = f"has format version {version!r}; this program reads {format_version}"

@@ -12,16 +12,11 @@ from pipeline.common.shares import Share
 
 @dataclass(frozen=True)
 class Person:
-    """A person at the service; a name with hidden characters raises HiddenCharacterError.
+    """A person at the service; a name with hidden characters raises HiddenCharacterError."""
 
-    Attributes:
-        name: signature of reviews: the token's name, or the name typed where no token is required.
-        seat: secret of the person's browser; it distinguishes persons without tokens.
-    """
-
-    name: str
+    name: str  # signature of reviews: the token's name, or the name typed where no token is required
     token: str = ""
-    seat: str = ""
+    seat: str = ""  # secret of the person's browser; it distinguishes persons without tokens
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", clean_name(self.name))

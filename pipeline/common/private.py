@@ -16,11 +16,9 @@ def private_folder(path: Path) -> None:
 
 
 def private_file(path: Path) -> None:
-    """Make an empty file for its owner alone; if it exists, remove the access of others (`close_to_others`).
-
-    An existing file is not opened: closing it would release all locks that this process has on it, and another process
-    could then remove the log of a store that is open here.
-    """
+    """Make an empty file for its owner alone; if it exists, remove the access of others (`close_to_others`). An
+    existing file is not opened: closing it would release all locks that this process has on it, and another process
+    could then remove the log of a store that is open here."""
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o600))
     close_to_others(path)

@@ -26,8 +26,7 @@ class PartState(StrEnum):
     ACCEPTED = "accepted"
     REVIEW = "review"
     REVIEWED = "reviewed"
-    SHADOW = "shadow"
-    """Read beside the line's own reader; nothing was decided."""
+    SHADOW = "shadow"  # read beside the line's own reader; nothing was decided
 
 
 class Agreement(StrEnum):
@@ -35,10 +34,8 @@ class Agreement(StrEnum):
 
     SAME = "same"
     OTHER = "other"
-    NOTHING = "nothing"
-    """Nothing was read."""
-    ALONE = "alone"
-    """The line's own reader has sent no answer."""
+    NOTHING = "nothing"  # nothing was read
+    ALONE = "alone"  # the line's own reader has sent no answer
 
 
 class EvidenceKind(StrEnum):
@@ -140,22 +137,16 @@ class ShadowRecord:
 
 @dataclass(frozen=True)
 class AgreementDay:
-    """Parts of one day (UTC) that were read in the shadow of the line's own reader.
-
-    Attributes:
-        compared: number of them for which the line's own reader has sent a serial.
-        accepted: number of those compared that would have been accepted.
-        accepted_other: number of these that were not read the same.
-    """
+    """Parts of one day (UTC) that were read in the shadow of the line's own reader."""
 
     day: date
     parts: int
-    compared: int
+    compared: int  # for which the line's own reader has sent a serial
     same: int
     other: int
     nothing: int
-    accepted: int
-    accepted_other: int
+    accepted: int  # of those compared, would have been accepted
+    accepted_other: int  # of these, were not read the same
 
 
 @dataclass(frozen=True)
@@ -236,18 +227,12 @@ class History:
 
 @dataclass(frozen=True)
 class PartStory(History):
-    """A part and all its events at one moment.
-
-    Attributes:
-        opinions: each person's latest opinion since the last review, oldest first.
-        audit: its last audit, with the accepted text and the person's; None before the first.
-        awaits_audit: it was drawn for an audit that is still open.
-    """
+    """A part and all its events at one moment."""
 
     part: PartRecord
-    opinions: tuple[ReviewRecord, ...]
-    audit: ReviewRecord | None
-    awaits_audit: bool
+    opinions: tuple[ReviewRecord, ...]  # each person's latest opinion since the last review, oldest first
+    audit: ReviewRecord | None  # its last one, with the accepted text and the person's; None before the first
+    awaits_audit: bool  # it was drawn for an audit that is still open
 
 
 @dataclass(frozen=True)
@@ -297,14 +282,9 @@ class Statistics:
 
 @dataclass(frozen=True)
 class AlertRecord:
-    """A problem, from its start until it is solved.
+    """A problem, from its start until it is solved."""
 
-    Attributes:
-        name: reject_rate, review_rate, drift, drift:JOB, bench, watched_folder, golden or golden_overdue.
-        part_id: the latest part when it was raised.
-    """
-
-    name: str
-    part_id: str
+    name: str  # reject_rate, review_rate, drift, drift:JOB, bench, watched_folder, golden or golden_overdue
+    part_id: str  # the latest part when it was raised
     at: datetime
     message: str

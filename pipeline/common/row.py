@@ -1,9 +1,4 @@
-"""One row per part: a flat view of its record, for tables without lists, the terminal and counts.
-
-    ReadingRecord --row_of--> columns --> (CSV, terminal, summary)
-
-Whatever a record holds for each place is one short text here; places count from 1.
-"""
+"""One row per part: a flat view of its record, for tables, terminal and counts; places count from 1."""
 
 from __future__ import annotations
 
@@ -25,11 +20,10 @@ COLUMNS = (
     *("height_px", "lines", "codes", "burr_mm", "fields", "at", "program", "settings", "accept_risk"),
 )
 """Columns of a row; `row_of` makes those that are not fields of a record."""
-WORTH_SHOWING = 0.01
-"""Least probability of an alternative in a row."""
+WORTH_SHOWING = 0.01  # least probability of an alternative in a row
 _UNGRADED = "?"
+# in the order of a row; those of `recognition.decide.grade.Action`
 _ACTIONS = ("clean", "clean first", "re-strike")
-"""Actions in the order of a row; those of `recognition.decide.grade.Action`."""
 
 
 def row_of(record: ReadingRecord) -> dict[str, Any]:
@@ -58,8 +52,8 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         "alternatives": alternatives_text(places),
         "depth_min_mm": _round(min(least, default=None), 4),
         "depth_mean_mm": _round(sum(means) / len(means) if means else None, 4),
-        "depths": depths_text(places) if least or record.source != "vision" else "",
-        "states": states_text(places),
+        "depths": _depths_text(places) if least or record.source != "vision" else "",
+        "states": _states_text(places),
         "rivals": ", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
         "grade": max(grades.replace(_UNGRADED, ""), default=grades[:1]),
         "grades": grades,
@@ -74,8 +68,7 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
     return {name: cells[name] if name in cells else getattr(record, name) for name in COLUMNS}
 
 
-def depths_text(places: Sequence[CharacterRecord]) -> str:
-    """Depths of every character."""
+def _depths_text(places: Sequence[CharacterRecord]) -> str:
     return " ".join(
         f"{c.char} ?" if c.depth_min_mm is None else f"{c.char} {c.depth_min_mm:.3f}/{c.depth_mean_mm:.3f}"
         for c in places
@@ -107,8 +100,7 @@ def alternatives_text(places: Sequence[CharacterRecord]) -> str:
     return "; ".join(f"{k}: {', '.join(others)}" for k, others in named if others)
 
 
-def states_text(places: Sequence[CharacterRecord]) -> str:
-    """Places that are not plainly read: "3:confused 8/B, 5:not read"."""
+def _states_text(places: Sequence[CharacterRecord]) -> str:
     return ", ".join(
         f"{k}:{state_text(c.state, c.state_chars)}"
         for k, c in enumerate(places, start=1)

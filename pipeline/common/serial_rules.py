@@ -23,8 +23,7 @@ from typing import NamedTuple
 from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.common.texts import without_blanks
 
-WINDOW = 9
-"""Number of preceding parts that predict the number of the next one."""
+WINDOW = 9  # number of preceding parts that predict the number of the next one
 _MOST = WINDOW // 2 + 1
 _DIGITS = re.compile(r"[0-9]+")
 

@@ -29,15 +29,12 @@ FROM_MACHINE = "leave it out: it follows from the machine (see tactile-marks set
 
 
 class Settings(BaseModel):
-    """Checked settings; unknown names are errors.
-
-    Attributes:
-        table: of `tactile-marks.toml`, and part of the environment variables' names; empty for the top of the file.
-        replaced: former names with what to write instead; empty for what now follows from the machine.
-    """
+    """Checked settings; unknown names are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    # of `tactile-marks.toml`, and part of the environment variables' names; empty for its top
     table: ClassVar[str] = ""
+    # former names: what to write instead; empty if it follows from the machine
     replaced: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
@@ -258,8 +255,7 @@ Region = tuple[float, float, float, float]
 Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
 """Several names, in one text separated by commas."""
 
-MOST_FONTS = 64
-"""Most fonts; templates are made for each."""
+MOST_FONTS = 64  # templates are made for each
 
 
 class MapSettings(Settings):

@@ -21,12 +21,9 @@ INVISIBLE = "\u200b\u200e\u200f\u2060\ufeff"
 # the sign are ignored, and East Asian editions also accept the full-width signs
 _FORMULA = r"(?:^|(?<=[;|\t\r\n])){}(?=['\"\s" + INVISIBLE + r"]*[=+\-@\t\r\n＝＋－＠])"
 _BARE, _MARKED = re.compile(_FORMULA.format("")), re.compile(_FORMULA.format("'"))
-CSV_BEGIN = "\ufeff"
-"""First character of a CSV file: the byte order mark, without which Excel does not read it as UTF-8."""
-MISSING = "nothing"
-"""Stands for the missing reading of a stamped character."""
-EXTRA = "nothing stamped"
-"""Stands for the missing stamped character of a reading."""
+CSV_BEGIN = "\ufeff"  # the byte order mark, without which Excel does not read a CSV file as UTF-8
+MISSING = "nothing"  # stands for the missing reading of a stamped character
+EXTRA = "nothing stamped"  # stands for the missing stamped character of a reading
 
 
 def without_blanks(text: str) -> str:

@@ -95,11 +95,10 @@ def _differences(was: Mapping[str, Any], now: Mapping[str, Any], *, within: str)
             yield from _differences(old, new, within=f"{within}{key}.")
         elif old != new:
             name = f"{within}{key}".removeprefix("settings.")
-            yield f"{name} was {in_short(old)}, now {in_short(new)}"
+            yield f"{name} was {_in_short(old)}, now {_in_short(new)}"
 
 
-def in_short(value: object) -> str:
-    """A value in plain words, shortened."""
+def _in_short(value: object) -> str:
     if value in (None, "", [], {}):
         return "not set"
     text = ", ".join(map(str, value)) if isinstance(value, list) else json.dumps(value, ensure_ascii=False)

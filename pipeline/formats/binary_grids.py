@@ -1,8 +1,6 @@
 """Heights in binary grids of Surfer (.grd), Gwyddion (.gsf), MATLAB (.mat), TrueMap (.tmd) and NanoFocus (.nms).
-
 SurfaceTopography 1.27 knows no .grd and .gsf, reads one of the four variants of .tmd, takes the distances of .nms for
-millimetres (they are nanometres), and the rows of .mat for columns.
-"""
+millimetres (they are nanometres), and the rows of .mat for columns."""
 
 from __future__ import annotations
 

@@ -72,7 +72,6 @@ class PassedOver:
     folders: dict[str, str] = field(default_factory=dict)
 
     def without(self, used: Iterable[str | Path]) -> PassedOver:
-        """The same files without those that are used otherwise."""
         known = {os.path.realpath(file) for file in used}
         files = [file for file in self.files if is_url(file) or os.path.realpath(file) not in known]
         return replace(self, files=files)
@@ -119,31 +118,21 @@ class Listing(list[PartFiles]):
 
 
 def discover(
-    inputs: Sequence[str | Path],
+    inputs: Sequence[str | Path],  # files, folders and globs, of this machine or by URL; manifests (.csv)
     *,
     manifests: Sequence[str] = (),
     recurse: bool = True,
-    photos: bool = True,
-    beside: bool = False,
-    height_images: bool = False,
+    photos: bool = True,  # ones without map and scan are parts; if not, those of folders are passed over
+    beside: bool = False,  # those beside a named local file with its stem belong to its part
+    height_images: bool = False,  # .png and .tif are height maps, not photographs
 ) -> Listing:
     """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
     Files of other kinds are passed over in a folder or glob. Named on their own they are parts with a problem, as are
     missing files. A part in a subfolder has the subfolder in its name. Hidden folders, folders of the system, links to
     folders and subfolders of a web server are not searched. A URL with the suffix of a known kind counts as a file
-    without a check; any other URL is listed.
-
-    Args:
-        inputs: files, folders and globs, of this machine or by URL; manifests (.csv).
-        photos: photographs without a height map or scan are parts; otherwise those of folders are passed over.
-        beside: photographs beside a named local file with the same stem belong to its part.
-        height_images: .png and .tif are height maps, not photographs.
-
-    Raises:
-        NothingFoundError: there is no file.
-        FileError: a manifest cannot be used, or a folder cannot be listed.
-        MissingExtraError: a library that URLs need is not installed.
+    without a check; any other URL is listed. Raises NothingFoundError: there is no file. FileError: a manifest cannot
+    be used, or a folder cannot be listed. MissingExtraError: a library that URLs need is not installed.
     """
     from pipeline.formats.remote import list_remote
 
@@ -218,12 +207,8 @@ class FoundFiles:
                 self.passed_over.folders[below] = why
 
     def add(self, files: Sequence[str], *, named: bool = False, root: str = "") -> None:
-        """Add the files of folders or of a glob, or one file named on its own with the photographs beside it.
-
-        Args:
-            named: the first file is named on its own: it is a part whatever its kind.
-            root: folder that the user named; parts below it have their subfolder in their names.
-        """
+        """Add the files of folders or of a glob, or one file `named` on its own with the photographs beside it: a part
+        of whatever kind. Parts below the `root` that the user named have their subfolder in their names."""
         for file in files:
             key, kind = self._key_and_kind(file)
             if key is None:

@@ -45,32 +45,21 @@ _NUMBERS = ("<f4", "<f8")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exemplar(OneLine):
-    """One character measured by touch, and enrolled.
-
-    Attributes:
-        relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
-            NaN where unknown.
-        note: remark of the person who enrolled it.
-        enrolled_at: ISO 8601.
-        rotation_deg: rotation of its line in the plate frame.
-        place: place of the character in the part's text, from 1; 0 where unknown.
-        evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
-
-    Raises:
-        MarksError: not one character, a time that is not ISO 8601, or a relief without rows and columns.
-    """
+    """One character measured by touch, and enrolled. Raises MarksError: not one character, a time that is not ISO 8601,
+    or a relief without rows and columns."""
 
     char: str
     font_name: str
+    # (rows, cols) height over the land in character heights, negative in the mark, along the line; NaN where unknown
     relief: NDArray[np.float32]
-    note: str
-    enrolled_at: str
+    note: str  # remark of the person who enrolled it
+    enrolled_at: str  # ISO 8601
     height_mm: float = 0.0
-    rotation_deg: float = 0.0
+    rotation_deg: float = 0.0  # of its line in the plate frame
     raised: bool = False
     part: str = ""
-    place: int = 0
-    evidence: str = ""
+    place: int = 0  # of the character in the part's text, from 1; 0 where unknown
+    evidence: str = ""  # SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once
 
     def __post_init__(self) -> None:
         if np.ndim(self.relief) != 2:

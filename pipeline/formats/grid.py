@@ -66,14 +66,11 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
 
 
 def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
-    """Factors that convert heights and sample distances to millimetres.
+    """Factors that convert heights and sample distances to millimetres. Raises DataError: the numbers fit no part; the
+    hint names a unit in which they do.
 
-    Args:
-        pitch: the smaller distance of samples, in the file's numbers; in millimetres if the settings give it.
-        settings: their unit replaces the file's, except for heights or distances that it would make absurd.
-
-    Raises:
-        DataError: the numbers fit no part; the hint names a unit in which they do.
+    `pitch` is the smaller distance of samples, in the file's numbers; in millimetres if the settings give it. The unit
+    of the settings replaces the file's, except for heights or distances that it would make absurd.
     """
     shape = _Shape(raw, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
@@ -145,14 +142,7 @@ def _refusal(
 
 
 class _Shape:
-    """Measures of a map in the file's numbers.
-
-    Attributes:
-        relief: range of heights, without the outer 0.2 % at each end.
-        depth: range of heights without tilt and dome, and without the outer 1 % at each end.
-        rise: mean steepness over a fiftieth of the shorter side, per sample.
-        slope: steepness of its plane, per sample; 0 where the plane is not most of its heights.
-    """
+    """Measures of a map in the file's numbers: ranges of heights without outliers, `depth` without tilt and dome."""
 
     def __init__(self, raw: RawMap, pitch: float) -> None:
         self.raw, self.pitch = raw, pitch
@@ -173,7 +163,9 @@ class _Shape:
         marks = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
         self.relief = float(np.ptp(np.percentile(heights, (0.2, 99.8))))
         self.depth = float(np.ptp(np.percentile(marks, (1, 99))))
+        # mean steepness over a fiftieth of the shorter side, per sample
         self.rise = float(rises.mean()) / lag if rises.size else 0.0
+        # its slope is 0 where it is not most of the heights
         plane = np.linalg.lstsq(form[:, :3], heights, rcond=None)[0]
         if np.ptp(np.percentile(heights - form[:, :3] @ plane, (1, 99))) < _PLANE_SHARE * self.relief:
             self.slope = float(np.hypot(plane[1], plane[2])) / max(few.shape) / step
@@ -281,19 +273,19 @@ def part_map(raw: RawMap, settings: MapSettings) -> Surface:
     return Surface(height_map, soil, raw.rows_stated or settings.rows is not None)
 
 
-def _fits_better(rest: RawMap, raw: RawMap, pitch: float, settings: MapSettings) -> bool:
+def _fits_better(varying: RawMap, raw: RawMap, pitch: float, settings: MapSettings) -> bool:
     """Whether the heights without the constant fit a part in the file's unit as well as all fit one in another unit."""
-    if np.isfinite(rest.z).sum() == np.isfinite(raw.z).sum():
+    if np.isfinite(varying.z).sum() == np.isfinite(raw.z).sum():
         return False
-    shape, rest_shape = _Shape(raw, pitch), _Shape(rest, pitch)
+    shape, varying_shape = _Shape(raw, pitch), _Shape(varying, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
-    if rest_shape.absurdity(z_mm, xy_mm):
+    if varying_shape.absurdity(z_mm, xy_mm):
         return False
     in_other_unit = min(
         (shape.unusual(MM[unit]) for unit in UNITS if not shape.absurdity(MM[unit], xy_mm)),
         default=np.inf,
     )
-    return rest_shape.unusual(z_mm) <= in_other_unit
+    return varying_shape.unusual(z_mm) <= in_other_unit
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
@@ -311,10 +303,8 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
 
 
 def _on_square_grid(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Resample the coarser axis linearly to the finer pitch, or the finer axis if it is more than four times finer.
-
-    A sample interpolated with a dropout is a dropout.
-    """
+    """Resample the coarser axis linearly to the finer pitch, or the finer axis if it is more than four times finer. A
+    sample interpolated with a dropout is a dropout."""
     finer, coarser = sorted((x_mm, y_mm))
     if coarser / finer - 1.0 <= SAME_PITCH:
         return z, 0.5 * (finer + coarser)

@@ -168,11 +168,8 @@ def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The first layer of an X3P surface, in metres.
-
-    A description with an unusual root element or an outdated checksum is read all the same; the checksum of the heights
-    must match.
-    """
+    """The first layer of an X3P surface, in metres. A description with an unusual root element or an outdated checksum
+    is read all the same; the checksum of the heights must match."""
     import x3pio
 
     check_zip(path, most_bytes=_MOST_DESCRIPTION_BYTES, ending=".xml")

@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+# may have heights or anything else: read only if named on their own
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
-"""Suffixes of text files, which may have heights or anything else: read only if named on their own."""
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
@@ -20,16 +20,13 @@ SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 # size limit of a file
 MOST_BYTES = {"height_map": 1_000_000_000, "scan": 4_000_000_000, "photo": 500_000_000}
-BYTES_PER_SAMPLE = 24
-"""Most bytes that a file stores for one sample: three coordinates as float64."""
-SPARE_BYTES = 64_000_000
-"""Bytes for whatever a file holds beside its heights: a vendor's files, a trailer."""
+BYTES_PER_SAMPLE = 24  # most bytes that a file stores for one sample: three coordinates as float64
+SPARE_BYTES = 64_000_000  # for whatever a file holds beside its heights: a vendor's files, a trailer
 # first bytes of a file that determine its kind
 HEAD_BYTES = 16
+# at the end of a picture, among which its end mark stands; some cameras write notes behind it
 TAIL_BYTES = 65_536
-"""Number of last bytes of a picture among which its end mark stands; some cameras write notes behind it."""
-_JPEG_BEGINS = re.compile(rb"\xff[\xc0-\xc4\xda\xdb]")
-"""Markers of a JPEG's frame, tables and scan."""
+_JPEG_BEGINS = re.compile(rb"\xff[\xc0-\xc4\xda\xdb]")  # markers of a JPEG's frame, tables and scan
 _TEMPORARY = re.compile(
     r"\.|~|.*(?:~|\.te?mp\.[^.]+|\.(?:part|partial|filepart|crdownload|opdownload|download|upload|uploading|tmp|temp"
     r"|incomplete|writing|wkdownload|swp|!ut|!qb|!sync|bc!))$",
@@ -42,8 +39,7 @@ _SYSTEM_FOLDERS = {
     *("@eadir", "#recycle", "#snapshot", "@tmp", "@recycle", "@recently-snapshot"),
 }
 """Folders of operating systems and network drives for deleted files, previews and snapshots; in lower case."""
-OF_SYSTEM = "of the system"
-"""Why such a folder is passed over."""
+OF_SYSTEM = "of the system"  # why such a folder is passed over
 
 
 @dataclass(frozen=True)
@@ -128,10 +124,8 @@ def kind_of(head: bytes) -> PhotoKind | None:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file or folder has a hidden name, or one under which programs write before they rename it.
-
-    So has a photograph with any other ending behind its own, such as part.jpg.1.
-    """
+    """Whether a file or folder has a hidden name, or one under which programs write before they rename it. So has a
+    photograph with any other ending behind its own, such as part.jpg.1."""
     stem, suffix = os.path.splitext(name.lower())
     longer = suffix not in PHOTO_SUFFIXES and os.path.splitext(stem)[1] in PHOTO_SUFFIXES
     return longer or _TEMPORARY.match(name) is not None

@@ -115,7 +115,6 @@ def spelling_on_disk(name: str) -> Path:
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
 def _names(folder: Path) -> dict[str, list[str]]:
-    """The names in a folder by their folded spelling."""
     alike = defaultdict[str, list[str]](list)
     with contextlib.suppress(OSError):
         for name in sorted(os.listdir(folder)):
@@ -133,27 +132,18 @@ _SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
 
 @dataclass(frozen=True, slots=True)
 class PartFiles:
-    """One part by its files, each a path or URL; empty if missing.
+    """One part by its files, each a path or URL; empty if missing."""
 
-    Attributes:
-        name: unique in its list; control characters are written as escapes. A part without one is a ValueError.
-        photos: taken under several lights or at several exposures.
-        format, font: of its serial and mark; empty for those of the run.
-        other_text: text that an earlier reading gave with a confidence above 0.5; empty without one.
-        problem: why it cannot be read, known before any file was opened.
-        photo_problem: why its photographs cannot be used, likewise.
-    """
-
-    name: str
+    name: str  # unique in its list; control characters are written as escapes. An empty one is a ValueError
     height_map: str = ""
     scan: str = ""
-    photos: tuple[str, ...] = ()
+    photos: tuple[str, ...] = ()  # taken under several lights or at several exposures
     expected: str = ""
-    format: str = ""
-    font: str = ""
-    other_text: str = ""
-    problem: FileError | None = None
-    photo_problem: FileError | None = None
+    format: str = ""  # of its serial; empty for that of the run
+    font: str = ""  # of its mark; empty for that of the run
+    other_text: str = ""  # text that an earlier reading gave with a confidence above 0.5; empty without one
+    problem: FileError | None = None  # why it cannot be read, known before any file was opened
+    photo_problem: FileError | None = None  # why its photographs cannot be used, likewise
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -208,10 +198,8 @@ def set_of(file: str) -> str:
 
 
 def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
-    """The parts with unique names: as much of the folder before a name as needed.
-
-    Parts with the same name and folder, which only manifests can list, are numbered.
-    """
+    """The parts with unique names: as much of the folder before a name as needed. Parts with the same name and folder,
+    which only manifests can list, are numbered."""
     names = [p.name for p in parts]
     if len(set(names)) == len(names):
         return parts

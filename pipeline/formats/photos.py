@@ -1,7 +1,5 @@
-"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out.
-
-Pillow reads the header and decodes; OpenCV decodes pictures of 16 bit, which Pillow would cut to 8.
-"""
+"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out. Pillow reads the header and decodes;
+OpenCV decodes pictures of 16 bit, which Pillow would cut to 8."""
 
 from __future__ import annotations
 
@@ -44,18 +42,15 @@ _BELOW, _ABOVE = 1.0, 2.0
 _BLANK = 2.0 / 255.0
 
 
-def turn_upright(pixels: Decoded, orientation: int) -> Decoded:
-    """Turn a picture by its EXIF orientation (1 to 8); other numbers are ignored."""
+def _turn_upright(pixels: Decoded, orientation: int) -> Decoded:
     turned = np.rot90(pixels, {3: 2, 4: 2, 5: 3, 6: 3, 7: 1, 8: 1}.get(orientation, 0))
     return turned[:, ::-1] if orientation in (2, 4, 5, 7) else turned
 
 
 def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
-    """(rows, cols, 3) opaque pixels, and the background ("white", "black") that shows through; "" if none does.
-
-    Evenly opaque or transparent pictures keep their colours. The background is white if the opaque parts are dark, else
-    black.
-    """
+    """(rows, cols, 3) opaque pixels, and the background ("white", "black") that shows through; "" if none does. Evenly
+    opaque or transparent pictures keep their colours. The background is white if the opaque parts are dark, else
+    black."""
     colours = pixels[..., :3]
     if pixels.shape[2] < 4:
         return colours, ""
@@ -72,10 +67,8 @@ def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
 
 
 def stretch(pixels: Decoded) -> Pixels:
-    """Stretch pixels of 16 bit to their full scale; 8 bit is unchanged.
-
-    The scale ends a little beyond the percentiles, but not beyond the least and greatest values.
-    """
+    """Stretch pixels of 16 bit to their full scale; 8 bit is unchanged. The scale ends a little beyond the percentiles,
+    but not beyond the least and greatest values."""
     if pixels.dtype == np.uint8:
         return pixels.view(np.uint8)
     some = _some(pixels)
@@ -89,8 +82,7 @@ def stretch(pixels: Decoded) -> Pixels:
     return np.asarray(np.clip(np.rint(stretched), 0.0, 65535.0), dtype=np.uint16)
 
 
-def is_blank(pixels: Decoded) -> bool:
-    """Whether a page is blank."""
+def _is_blank(pixels: Decoded) -> bool:
     opaque, _ = flatten_opacity(pixels)
     low, high = np.percentile(_some(opaque), (0.1, 99.9))
     return bool(high - low < _BLANK * np.iinfo(opaque.dtype).max)
@@ -219,7 +211,7 @@ def _page(path: Path, image: ImageFile) -> tuple[int, int]:
     def shows_something(number: int) -> bool:
         image.seek(number)
         _check_work(path, image)
-        return not is_blank(_decode(path, image, number))
+        return not _is_blank(_decode(path, image, number))
 
     best = next(filter(shows_something, whole), whole[0]) if len(whole) > 1 else whole[0]
     image.seek(best)
@@ -255,7 +247,7 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
         raise _damage(image.format) from error
     # both libraries have turned a TIFF already
     turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
-    return turn_upright(pixels, turned)
+    return _turn_upright(pixels, turned)
 
 
 def _needs_opencv(path: Path, image: ImageFile) -> bool:
@@ -294,10 +286,8 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits that the user declares to be heights.
-
-    The pitch is the pixel's size if the file states one. Colour pictures and those of 8 bits are refused.
-    """
+    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits that the user declares to be heights. The pitch is
+    the pixel's size if the file states one. Colour pictures and those of 8 bits are refused."""
     pitch_mm = None
     if (size := _size_of_doubles(path)) is not None:
         check_size(*size, most)

@@ -34,14 +34,11 @@ _MOST_PROPERTIES, _LINE_ENDS = 200, (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d
 # of a PLY or PCD file: its longest head; kinds of numbers as numpy spells them
 _MOST_HEAD_BYTES = 20_000
 _KINDS = {"F": "f", "I": "i", "U": "u"}
-MOST_SCATTERED = 2_000_000
-"""Most points off a grid, which are triangulated."""
-MOST_DRAWN = 300_000_000
-"""Most samples that the triangles of a mesh cover together: two seconds of work."""
+MOST_SCATTERED = 2_000_000  # points off a grid, which are triangulated
+MOST_DRAWN = 300_000_000  # samples that the triangles of a mesh cover together: two seconds of work
 _LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
 """Samples along the longer side of a map of triangles; their own size may mean nothing: a flat land has two."""
-_GAP = 6.0
-"""Longest side of a triangle between points, in mean distances, from which it spans a dropout."""
+_GAP = 6.0  # longest side of a triangle between points, in mean distances, from which it spans a dropout
 # z of the unit normal of a plate that counts as level: 2 degrees
 _LEVEL = 0.9994
 # a grid: least rows and columns, least share of them with a point, and pitches by which a point may miss its place
@@ -86,10 +83,8 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _check_ply(data: bytes, most: int) -> None:
-    """Check that the lines or bytes of a PLY file are about as many as its head declares.
-
-    trimesh makes an array of each line of a text, and a type of all properties before it looks at the length.
-    """
+    """Check that the lines or bytes of a PLY file are about as many as its head declares. trimesh makes an array of
+    each line of a text, and a type of all properties before it looks at the length."""
     end = data.find(b"end_header", 0, _MOST_HEAD_BYTES)
     if end < 0 or data.count(b"property", 0, end) > _MOST_PROPERTIES:
         raise DataError("is damaged or not a PLY file (its head does not end)", "copy or export it again")
@@ -185,10 +180,8 @@ def map_of_points(
 
 
 def _is_profile(points: Points) -> bool:
-    """Whether x or y of the points grows or falls from each to the next, by about the same step.
-
-    A surface's points go back for each line, and scattered ones that are sorted have steps of any size.
-    """
+    """Whether x or y of the points grows or falls from each to the next, by about the same step. A surface's points go
+    back for each line, and scattered ones that are sorted have steps of any size."""
     if len(points) < _LEAST_GRID:
         return False
     steps = np.diff(points[:, :2], axis=0)

@@ -30,29 +30,18 @@ CUT_SHORT = ("is damaged: it ends too soon", "copy or export it again")
 
 @dataclass(frozen=True)
 class RawMap:
-    """Heights on a grid in the numbers of their file.
+    """Heights on a grid in the numbers of their file."""
 
-    Attributes:
-        z: (rows, cols) heights; NaN for dropouts.
-        x_pitch: distance of columns; None where the file does not state it.
-        z_mm: millimetres in one unit of `z`, as the file or its format states; None where neither does.
-        xy_mm: millimetres in one unit of the pitches, likewise.
-        bottom_first: the first row of `z` is the lowest one of the part, as a reader sees it.
-        one_unit: heights and distances have one unit, as the coordinates of a mesh.
-        rows_stated: the file states which row is first, or every writer of its format has the same one first.
-        unit: unit that the file states for its heights; empty where the format alone or nothing does.
-    """
-
-    z: NDArray[np.number]
-    x_pitch: float | None = None
+    z: NDArray[np.number]  # (rows, cols) heights; NaN for dropouts
+    x_pitch: float | None = None  # distance of columns; None where the file does not state it
     y_pitch: float | None = None
-    z_mm: float | None = None
-    xy_mm: float | None = None
-    bottom_first: bool = False
-    rows_stated: bool = False
-    one_unit: bool = False
+    z_mm: float | None = None  # millimetres in one unit of `z`, as the file or its format states
+    xy_mm: float | None = None  # millimetres in one unit of the pitches, likewise
+    bottom_first: bool = False  # the first row of `z` is the lowest one of the part, as a reader sees it
+    rows_stated: bool = False  # by the file, or every writer of its format has the same row first
+    one_unit: bool = False  # heights and distances have one unit, as the coordinates of a mesh
     soil: Soil | None = None
-    unit: str = ""
+    unit: str = ""  # that the file states for its heights; empty where the format alone or nothing does
 
 
 def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
@@ -73,18 +62,14 @@ def numbers_in(
 
 
 def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace infinities and the marker of missing points by NaN, in place.
-
-    The marker is the lowest or highest value, frequent and far from all others.
-    """
+    """Replace infinities by NaN, in place, and the marker of missing points: the lowest or highest value, if frequent
+    and far from all others."""
     return _without_markers(z, _stands_for_missing)
 
 
 def without_isolated_value(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace the lowest or highest value by NaN, in place, if many samples share it and no other comes near it.
-
-    It may be a real depth: a map that fits a part as it is keeps it.
-    """
+    """Replace the lowest or highest value by NaN, in place, if many samples share it and no other comes near it. It may
+    be a real depth: a map that fits a part as it is keeps it."""
     return _without_markers(z, _is_isolated)
 
 

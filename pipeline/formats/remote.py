@@ -99,11 +99,8 @@ def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
     Errors of a copy name its URL. If the part has touch files, a photograph that cannot be copied is a problem of the
-    photograph alone, and without `photos` none is copied. A part with a problem is not copied at all.
-
-    Raises:
-        FileError: a file is missing, may not be read, is too long, or cannot be copied.
-        MissingExtraError: a library that URLs need is not installed.
+    photograph alone, and without `photos` none is copied. A part with a problem is not copied at all. Raises FileError:
+    a file is missing, may not be read, is too long, or cannot be copied. MissingExtraError: a library is not installed.
     """
     if part.felt and not photos:
         part = replace(part, photos=())

@@ -1,8 +1,6 @@
-"""Make test parts: stamped plates, dirt, photographs, and the table of their texts.
-
-Only `truth.csv` holds the texts, no part's own file does. A part depends on the seed and its number only, so the first
-ten of fifty are the same as ten.
-"""
+"""Make test parts: stamped plates, dirt, photographs, and the table of their texts. Only `truth.csv` holds the texts,
+no part's own file does. A part depends on the seed and its number only, so the first ten of fifty are the same as
+ten."""
 
 from __future__ import annotations
 
@@ -48,11 +46,9 @@ _STAMP_SETTINGS = (
 
 @dataclass(frozen=True)
 class SynthSpec(Stamping):
-    """Settings of the parts to stamp, and the dirt on them. With two lines, the truth is the line in the format.
-
-    Raises SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
-    StampError: unknown practice, die, plate or layout.
-    """
+    """Settings of the parts to stamp, and the dirt on them. With two lines, the truth is the line in the format. Raises
+    SettingsError: an impossible format, font, die, light or pixel size; a practice without variation. StampError:
+    unknown practice, die, plate or layout."""
 
     soiling: Soiling = field(default_factory=Soiling)
 

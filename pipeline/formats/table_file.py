@@ -1,7 +1,5 @@
-"""Read tables that people save from a spreadsheet: workbooks, and every form of CSV that spreadsheets write.
-
-All tables from users are read here: manifests, expected texts, production orders, answers to an exam.
-"""
+"""Read tables that people save from a spreadsheet: workbooks, and every form of CSV that spreadsheets write. All tables
+from users are read here: manifests, expected texts, production orders, answers to an exam."""
 
 from __future__ import annotations
 
@@ -20,8 +18,7 @@ from pipeline.formats.zip_checks import check_zip
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
 """Columns that name a part; the first of them in a table counts."""
-RIGHT_SERIAL = "right_serial"
-"""Column of our workbooks in which a person writes what a part really reads, where that was checked."""
+RIGHT_SERIAL = "right_serial"  # column of our workbooks in which a person writes what a part really reads
 TEXT_HEADINGS = (
     *(RIGHT_SERIAL, "text", "serial", "serials", "serial_number", "expected", "truth", "label"),
     *("seriennummer", "seriennr"),
@@ -51,7 +48,6 @@ class TableLine:
     cells: tuple[str, ...]
 
     def cell(self, place: int) -> str:
-        """Empty if the line ends before the column."""
         return self.cells[place] if place < len(self.cells) else ""
 
 
@@ -203,11 +199,8 @@ def _bounded_lines(stream: TextIO) -> Iterator[str]:
 
 
 def _detect_delimiter(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], str, int]:
-    """The lines to parse, their delimiter, and the number of lines before them.
-
-    The delimiter is that of a "sep=" line, or the one that splits most of the first lines into as many cells as the
-    first.
-    """
+    """The lines to parse, their delimiter, and the number of lines before them. The delimiter is that of a "sep=" line,
+    or the one that splits most of the first lines into as many cells as the first."""
     sample = list(islice(lines, _SAMPLE_LINES))
     first = next((k for k, line in enumerate(sample) if line.strip()), len(sample))
     if first < len(sample) and (named := _SEPARATOR_LINE.fullmatch(sample[first])):

@@ -65,17 +65,11 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class NumberTable:
-    """A table of numbers.
-
-    Attributes:
-        names: of the columns, in lower case; empty if the last line of the head does not name them all.
-        rows: (n, columns), NaN where a value is missing.
-    """
-
+class _NumberTable:
     head: str
+    # of the columns, in lower case; empty if the last line of the head does not name them all
     names: tuple[str, ...]
-    rows: NDArray[np.float64]
+    rows: NDArray[np.float64]  # (n, columns), NaN where a value is missing
 
 
 _LAYOUTS = ((";", True), (";", False), ("\t", True), ("\t", False), (None, True), (",", False), (None, False))
@@ -97,7 +91,7 @@ def is_number_table(path: Path) -> bool:
     return len(body) >= 3 and layout.first_line <= max(_MOST_HEAD_LINES, len(body))
 
 
-def _number_table(text: str) -> NumberTable:
+def _number_table(text: str) -> _NumberTable:
     sample = text[:_SNIFF_BYTES].splitlines()
     layout = _layout(sample[:_SNIFF_LINES])
     if layout is None:
@@ -113,7 +107,7 @@ def _number_table(text: str) -> NumberTable:
     rows = _numbers(body, layout)
     if layout.delimiter and body.partition("\n")[0].rstrip().endswith(layout.delimiter):
         rows = rows[:, : np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=0) + 1]
-    return NumberTable("\n".join(head), _names(head, rows.shape[1]), rows)
+    return _NumberTable("\n".join(head), _names(head, rows.shape[1]), rows)
 
 
 def _decode(data: bytes) -> str:
@@ -290,7 +284,7 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
     return replace(raw, x_pitch=None, y_pitch=None) if counted else raw
 
 
-def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], str, float | None] | None:
+def _named_points(table: _NumberTable) -> tuple[NDArray[np.float64], str, float | None] | None:
     """(n, 3) x, y and z, the unit of z, and that of x in mm; None if the table does not name them."""
     axes = _named_axes(table.names, _AXIS)
     if {"r", "c", "z"} <= axes.keys():
@@ -328,7 +322,7 @@ def _zygo(text: str, most: int) -> RawMap:
     return replace(raw, x_pitch=pitch, y_pitch=pitch, z_mm=1e-3, xy_mm=1e3, unit="um")
 
 
-def _is_points(table: NumberTable, entries: Sequence[HeadEntry]) -> bool:
+def _is_points(table: _NumberTable, entries: Sequence[_HeadEntry]) -> bool:
     rows, columns = table.rows.shape
     head = table.head.lower()
     if "ncols" in head or _WYKO in head or columns < 3:
@@ -339,7 +333,7 @@ def _is_points(table: NumberTable, entries: Sequence[HeadEntry]) -> bool:
     return bool(columns < _LEAST_MATRIX_COLUMNS or many)
 
 
-def _matrix(table: NumberTable, entries: Sequence[HeadEntry]) -> RawMap:
+def _matrix(table: _NumberTable, entries: Sequence[_HeadEntry]) -> RawMap:
     head, z = table.head[:_MOST_HEAD], table.rows
     if z.shape[1] < 3:
         raise DataError(PROFILE[0], f"{PROFILE[1]}, and export columns x y z or a matrix of heights")
@@ -368,23 +362,15 @@ def _matrix(table: NumberTable, entries: Sequence[HeadEntry]) -> RawMap:
 
 
 @dataclass(frozen=True)
-class HeadEntry:
-    """One line of a heading.
-
-    Attributes:
-        key: in lower case, with single blanks.
-        of: "sample" or "digit" if the unit of length is that of each sample or each step of the converter, else empty.
-        word: text behind the number, or in its place.
-    """
-
-    key: str
+class _HeadEntry:
+    key: str  # in lower case, with single blanks
     value: float | None
     unit: str
-    of: str
-    word: str
+    of: str  # "sample" or "digit" if the unit is of each sample or each step of the converter; else empty
+    word: str  # text behind the number, or in its place
 
 
-def _entries(head: str) -> list[HeadEntry]:
+def _entries(head: str) -> list[_HeadEntry]:
     entries = []
     for line in _ENTRY.finditer(_NEXT_ENTRY.sub("\n", head)):
         name = line["key"].replace("_", " ").strip()
@@ -401,11 +387,11 @@ def _entries(head: str) -> list[HeadEntry]:
         else:
             length = "" if unit is None else unit["unit"].lower()
         value = None if line["value"] is None else float(line["value"].replace(",", "."))
-        entries.append(HeadEntry(key, value, length, of, line["after"].strip()))
+        entries.append(_HeadEntry(key, value, length, of, line["after"].strip()))
     return entries
 
 
-def _height_scale(entries: Sequence[HeadEntry]) -> tuple[float, str]:
+def _height_scale(entries: Sequence[_HeadEntry]) -> tuple[float, str]:
     """Factor from a table's numbers to a unit, and the unit; 1 and "" where the heading does not say."""
     for entry in entries:
         scales = re.fullmatch(_Z_SCALE_KEYS, entry.key) and (entry.unit or "scal" not in entry.key)
@@ -424,12 +410,10 @@ def _height_scale(entries: Sequence[HeadEntry]) -> tuple[float, str]:
 
 
 def _stated_pitches(
-    entries: Sequence[HeadEntry], rows: int, cols: int
+    entries: Sequence[_HeadEntry], rows: int, cols: int
 ) -> tuple[float | None, float | None, float | None]:
-    """Column and row pitch that a heading states, and their unit in mm; None for each that is missing.
-
-    A number without a unit that is the number of columns or rows is a count.
-    """
+    """Column and row pitch that a heading states, and their unit in mm; None for each that is missing. A number without
+    a unit that is the number of columns or rows is a count."""
     lengths = [
         (entry, (entry.value, MM.get(entry.unit)))
         for entry in entries
@@ -457,16 +441,14 @@ def _stated_pitches(
     return x[0], y[0] * (y[1] / x[1] if x[1] and y[1] else 1.0), x[1] or _xy_mm(entries)
 
 
-def _xy_mm(entries: Sequence[HeadEntry]) -> float | None:
+def _xy_mm(entries: Sequence[_HeadEntry]) -> float | None:
     named = (e.unit for keys in (_XY_UNIT_KEYS, _UNIT_KEYS) for e in entries if re.fullmatch(keys, e.key))
     return MM.get(next(named, ""))
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
     """Wyko: a line of the file is a column of the map, the lowest row first; heights in wavelengths or nm.
-
-    SurfaceTopography 1.27 takes the lines for rows, which mirrors the map.
-    """
+    SurfaceTopography 1.27 takes the lines for rows, which mirrors the map."""
     number = r"\s+\d+\s+\d+\s+([-+.\deE]+)"
     stated = {
         key: float(line[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")

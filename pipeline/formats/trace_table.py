@@ -43,18 +43,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TraceTable:
-    """Columns of one file.
+    """Columns of one file."""
 
-    Attributes:
-        columns: (rows,) float64 by name or number; NaN where a value is missing.
-        first_line: line of the first row; 0 where the file has no lines.
-        stamped: columns of time stamps, converted to seconds.
-    """
-
-    columns: dict[Column, NDArray[np.float64]]
-    first_line: int = 0
+    columns: dict[Column, NDArray[np.float64]]  # (rows,) by name or number; NaN where missing
+    first_line: int = 0  # of the first row; 0 where the file has no lines
     rate_hz: float = 0.0
-    stamped: frozenset[Column] = frozenset()
+    stamped: frozenset[Column] = frozenset()  # columns of time stamps, converted to seconds
 
     __repr__ = one_line
 
@@ -80,12 +74,9 @@ class TraceTable:
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
-    """Read the columns that the description names; time stamps are converted to seconds.
-
-    TDMS channels with another start or sampling rate than the first are resampled at its samples. Raises DataError: the
-    file is of another kind or damaged, lacks a column, or has a value that is not a number. MissingExtraError: the
-    library for TDMS is missing.
-    """
+    """Read the columns that the description names; time stamps are converted to seconds. TDMS channels with another
+    start or sampling rate than the first are resampled at its samples. Raises DataError: the file is of another kind or
+    damaged, lacks a column, or has a value that is not a number. MissingExtraError: the library for TDMS is missing."""
     if path.suffix.lower() == ".tdms":
         return _tdms(path, layout.columns)
     if path.suffix.lower() not in CSV_SUFFIXES:
@@ -242,10 +233,8 @@ def _tdms(path: Path, names: Columns) -> TraceTable:
 def _on_first_clock(
     columns: Mapping[Column, Floats], channels: Mapping[Column, Any], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
-    """Resample channels at the samples of the first one, over the time that all of them cover.
-
-    Those that hold a value until it changes (`states`) are not interpolated.
-    """
+    """Resample channels at the samples of the first one, over the time that all of them cover. Those that hold a value
+    until it changes (`states`) are not interpolated."""
     starts = {n: np.datetime64(c.properties.get("wf_start_time") or 0, "ns") for n, c in channels.items()}
     first, at_s = next(iter(channels)), {}
     for name, channel in channels.items():

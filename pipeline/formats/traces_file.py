@@ -25,21 +25,14 @@ Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
 
 
 class Columns(Strict, strict=True):
-    """Columns of the quantities.
-
-    Attributes:
-        x: of the stage's position, as y, in the plate frame, with y down the part.
-        time: time in `time_unit`, or time stamps; `None`: the rate is known.
-        lifted: not 0 where the array is lifted off; `None`: all samples touch.
-        number: number of the pass, negative between passes; `None`: each file is one pass.
-    """
+    """Columns of the quantities."""
 
     moment: tuple[Column, ...] = Field(min_length=1, strict=False)
-    x: Column
+    x: Column  # of the stage's position, as y, in the plate frame, with y down the part
     y: Column
-    time: Column | None = None
-    lifted: Column | None = None
-    number: Column | None = Field(default=None, alias="pass")
+    time: Column | None = None  # in `time_unit`, or time stamps; None: the rate is known
+    lifted: Column | None = None  # not 0 where the array is lifted off; None: all samples touch
+    number: Column | None = Field(default=None, alias="pass")  # negative between passes; None: a pass a file
 
     def named(self) -> tuple[Column, ...]:
         others = (self.x, self.y, self.time, self.lifted, self.number)
@@ -55,33 +48,25 @@ class Csv(Strict, strict=True):
 
 
 class TracesFile(Strict, strict=True):
-    """Description of trace files.
-
-    Attributes:
-        position_unit: unit of the position columns only; keys in mm stay in mm.
-        sampling_rate_hz: if there is neither a time column nor a TDMS channel with its increment.
-        lead_mm: run-in and run-out on bare land.
-        across_mm: lateral distance of each tip from the stage's position: towards +y in passes along x, towards +x in
-            passes along y (default: 0).
-        turns: the comb turns with the direction: across_mm is then to the right of the travel.
-        behind_mm: distance of each tip behind the position (default: 0).
-        part_mm: x0, y0, x1, y1 of the part; a tip beyond it does not touch (default: the whole plate).
-        start_time: ISO 8601 with zone.
-    """
+    """Description of trace files."""
 
     whisker: str
     columns: Columns
     moment_unit: Literal["N*mm", "mN*m", "N*m", "V"] = "N*mm"
+    # of the position columns only; keys in mm stay in mm
     position_unit: Literal["um", "mm", "m", "in", "nm"] = "mm"
     time_unit: Literal["s", "ms", "us", "ns", "d"] = "s"
-    sampling_rate_hz: Positive | None = None
-    lead_mm: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
+    sampling_rate_hz: Positive | None = None  # if neither a time column nor a TDMS channel states it
+    lead_mm: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)  # run-in and run-out on bare land
+    # lateral distance of each tip from the stage's position: towards +y in passes along x, +x along y (default: 0)
     across_mm: tuple[Finite, ...] = Field(default=(), strict=False)
-    turns: bool = False
+    turns: bool = False  # the comb turns with the direction: across_mm is then to the right of the travel
+    # distance of each tip behind the position (default: 0)
     behind_mm: tuple[Annotated[Finite, Field(ge=0.0)], ...] = Field(default=(), strict=False)
+    # x0, y0, x1, y1 of the part; a tip beyond it does not touch (default: the whole plate)
     part_mm: tuple[Finite, Finite, Finite, Finite] | None = Field(default=None, strict=False)
     part_id: str = ""
-    start_time: str = ""
+    start_time: str = ""  # ISO 8601 with zone
     csv: Csv = Csv()
 
     @model_validator(mode="after")

@@ -49,22 +49,16 @@ _MOST_NAMED = 20
 
 @dataclass
 class Accuracy:
-    """Running counts of readings compared with the truth.
-
-    Attributes:
-        edits: characters wrong, missing or too many, of all `characters` of the truth.
-        seen: names of the parts with a truth, as the table has them.
-        wrong: parts with any error, as PART (TRUTH read as TEXT).
-    """
+    """Running counts of readings compared with the truth."""
 
     truth: PartTexts
     parts: int = 0
     parts_right: int = 0
     characters: int = 0
-    edits: int = 0
+    edits: int = 0  # characters wrong, missing or too many, of all `characters` of the truth
     without_truth: int = 0
-    seen: set[str] = field(default_factory=set)
-    wrong: list[str] = field(default_factory=list)
+    seen: set[str] = field(default_factory=set)  # names of the parts with a truth, as the table has them
+    wrong: list[str] = field(default_factory=list)  # parts with any error, as PART (TRUTH read as TEXT)
     accepted_wrong: list[str] = field(default_factory=list)
     accepted: int = 0
 
@@ -159,10 +153,8 @@ def load_truth(path: Path) -> PartTexts:
 
 
 def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
-    """The lines of a table with the columns part (or file) and text (or serial), in this order without headings.
-
-    Raises FileError: it lacks columns, or repeats a part although `repeated` is off.
-    """
+    """The lines of a table with the columns part (or file) and text (or serial), in this order without headings. Raises
+    FileError: it lacks columns, or repeats a part although `repeated` is off."""
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         lines = table_lines(path)
         head = next(lines, TableLine(1, ()))
@@ -237,11 +229,9 @@ _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 
 
 def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
-    """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099.
-
-    A range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do. Raises
-    FileError: it is not text, no single column holds the serials, a cell is not a serial, or a range is invalid.
-    """
+    """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099. A
+    range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do. Raises
+    FileError: it is not text, no single column holds the serials, a cell is not a serial, or a range is invalid."""
     with reading(path, most_bytes=_MOST_BYTES):
         column, lines = _serials_column(list(table_lines(path, comments=True)))
         serials: set[str] = set()

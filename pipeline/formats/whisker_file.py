@@ -206,10 +206,8 @@ def read_piece(path: Path) -> Piece:
 
 
 def heights_of_piece(path: Path) -> Heights:
-    """Function that returns the height over the land at places of the piece in a file, mm.
-
-    Raises FileError: the file cannot be used, or is a map with holes.
-    """
+    """Function that returns the height over the land at places of the piece in a file, mm. Raises FileError: the file
+    cannot be used, or is a map with holes."""
     from recognition.see.levelling import level
     from whisker_array.identification.piece_map import heights_of
 

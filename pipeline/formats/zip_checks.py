@@ -18,11 +18,8 @@ _POINTER_BYTES, _MOST_COMMENT_BYTES = 20, 65_535
 def check_zip(
     path: Path, *, most_bytes: int | None = None, ending: str = "", hint: str = "export the map alone"
 ) -> None:
-    """Refuse an archive of too many members, or of too many bytes in those with an ending (lower case).
-
-    Raises DataError: it is refused (without `most_bytes` members are checked later). zipfile.BadZipFile: it is no
-    archive.
-    """
+    """Refuse an archive of too many members, or of too many bytes in those with an ending (lower case). Raises
+    DataError: it is refused (without `most_bytes` members are checked later). zipfile.BadZipFile: it is no archive."""
     with path.open("rb") as stream:
         length = stream.seek(0, 2)
         tail_bytes = min(length, _MOST_COMMENT_BYTES + _END.size + _POINTER_BYTES + _END_64.size)

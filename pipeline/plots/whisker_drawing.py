@@ -50,10 +50,8 @@ def save_drawing(whisker: WhiskerFile, path: Path) -> None:
 
 
 def whisker_drawing(whisker: WhiskerFile) -> Drawing:
-    """Draw in millimetres, land at y = 0, the force-free tip at x = 0.
-
-    The clamp is at its height during a scan: there the free tip would be the preload below the land.
-    """
+    """Draw in millimetres, land at y = 0, the force-free tip at x = 0. The clamp is at its height during a scan: there
+    the free tip would be the preload below the land."""
     from ezdxf import units
     from ezdxf.filemanagement import new
 

@@ -158,6 +158,5 @@ def _share(value: float) -> float:
 
 
 def _finite(value: float) -> float:
-    """A number for JSON: six decimals, and 0 if it is not finite."""
     number = float(value)
     return round(number, 6) if math.isfinite(number) else 0.0

@@ -6,10 +6,8 @@ from collections import Counter, deque
 from collections.abc import Sequence
 
 ALERT = "bench"
-LATEST = 3
-"""Number of most recent scanned parts that are checked."""
-SHOWN_BY = 2
-"""Number of these parts that must show a fault before it is reported: dirt on one part may look like a fault."""
+LATEST = 3  # most recent scanned parts that are checked
+SHOWN_BY = 2  # of these must show a fault before it is reported: dirt on one part may look like a fault
 
 
 class BenchWatch:
@@ -27,7 +25,6 @@ class BenchWatch:
         return bool(self.message()) and not before
 
     def status(self) -> str | None:
-        """None before the first scanned part."""
         return self.message() if self.parts else None
 
     def message(self) -> str:

@@ -1,9 +1,6 @@
-"""Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for.
-
-A certificate is valid for the program, networks and settings that it was made with. It is refused by another
-version or with other networks. A part that is read with other settings (its own format, another database) is not
-accepted.
-"""
+"""Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for. A
+certificate is valid for the program, networks and settings that it was made with. It is refused by another version or
+with other networks. A part that is read with other settings (its own format, another database) is not accepted."""
 
 from __future__ import annotations
 
@@ -37,36 +34,22 @@ _AGAIN = "make a new one with: tactile-marks certify"
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """Proven error rate of a reader on labelled parts.
+    """Proven error rate of a reader on labelled parts. Raises ValueError: the numbers contradict each other."""
 
-    Attributes:
-        made_at: UTC.
-        risk: largest permitted share of wrong readings among the accepted.
-        confidence: confidence level of that statement.
-        parts: number of parts with a known truth, of which `accepted` were accepted and `wrong` of these wrong.
-        bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
-        data_sha256: hash of the parts' files and true texts.
-        settings: read settings that differ from the defaults; files are given by their hash.
-        versions: of program and libraries, and hashes of the networks.
-
-    Raises:
-        ValueError: the numbers contradict each other.
-    """
-
-    made_at: datetime
-    risk: float
-    confidence: float
+    made_at: datetime  # UTC
+    risk: float  # largest permitted share of wrong readings among the accepted
+    confidence: float  # level of confidence of that statement
     threshold: float
     sources: tuple[str, ...]
-    parts: int
-    accepted: int
-    wrong: int
-    bound: float
+    parts: int  # with a known truth
+    accepted: int  # of the parts
+    wrong: int  # of the accepted
+    bound: float  # upper bound of the share of wrong readings among the accepted, for this threshold alone
     tests: tuple[ThresholdTest, ...]
     kind: KindOfParts
-    data_sha256: str
-    settings: Mapping[str, Any]
-    versions: Mapping[str, str]
+    data_sha256: str  # of the parts' files and true texts
+    settings: Mapping[str, Any]  # read settings that differ from the defaults; files are given by their hash
+    versions: Mapping[str, str]  # of program and libraries, and hashes of the networks
     format_version: int = FORMAT_VERSION
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", strict=True)
 
@@ -138,11 +121,9 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def certificate_of(settings: ReadSettings) -> Certificate | None:
-    """Load the certificate that the settings name, and check it against program and settings; None without one.
-
-    Raises FileError: the file is not a certificate. SettingsError: it was made with another program, other networks or
-    other settings.
-    """
+    """Load the certificate that the settings name, and check it against program and settings; None without one. Raises
+    FileError: the file is not a certificate. SettingsError: it was made with another program, other networks or other
+    settings."""
     if settings.certificate is None:
         return None
     certificate = valid_certificate(settings.certificate)
@@ -168,9 +149,8 @@ def valid_certificate(path: Path) -> Certificate:
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
     """Certified acceptance, of no sources if the settings are not the certified ones; None without a certificate.
-
-    Raises FileError: the file is not a certificate. SettingsError: it was made with another program or other networks.
-    """
+    Raises FileError: the file is not a certificate. SettingsError: it was made with another program or other
+    networks."""
     if settings.certificate is None:
         return None
     certificate = valid_certificate(settings.certificate)

@@ -1,8 +1,6 @@
-"""Whether parts are like those that were certified, by their measures.
-
-Each measure is tested by itself (Kolmogorov and Smirnov), at P_VALUE divided by the number of measures (Bonferroni).
-All measures together then give a false alarm in at most P_VALUE of the tests.
-"""
+"""Whether parts are like those that were certified, by their measures. Each measure is tested by itself (Kolmogorov and
+Smirnov), at P_VALUE divided by the number of measures (Bonferroni). All measures together then give a false alarm in at
+most P_VALUE of the tests."""
 
 from __future__ import annotations
 
@@ -14,10 +12,8 @@ import numpy as np
 
 from recognition.decide.score import Measure
 
-P_VALUE = 1e-4
-"""Chance of a false alarm on parts of the same kind, for one test of all measures."""
-LEAST_PARTS = 20
-"""Fewest parts on either side for a comparison."""
+P_VALUE = 1e-4  # chance of a false alarm on parts of the same kind, for one test of all measures
+LEAST_PARTS = 20  # on either side of a comparison
 
 
 @dataclass(frozen=True)
@@ -64,10 +60,8 @@ class Unlike:
 
 
 def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tuple[Unlike, ...]:
-    """Find the measures in which parts differ from a kind, lowest p-value first; none if there are too few parts.
-
-    Each measure has a two-sample Kolmogorov-Smirnov test, exact for few parts (`scipy.stats.ks_2samp`).
-    """
+    """Find the measures in which parts differ from a kind, lowest p-value first; none if there are too few parts. Each
+    measure has a two-sample Kolmogorov-Smirnov test, exact for few parts (`scipy.stats.ks_2samp`)."""
     from scipy.stats import ks_2samp
 
     differing = []

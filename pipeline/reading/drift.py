@@ -1,8 +1,5 @@
-"""Monitor whether the parts being read are of the kind that was certified.
-
-After every EVERY parts, the last WINDOW parts are compared with those of the certificate. A difference is reported
-once, until the parts are alike again.
-"""
+"""Monitor whether the parts being read are of the kind that was certified. After every EVERY parts, the last WINDOW
+parts are compared with those of the certificate. A difference is reported once, until the parts are alike again."""
 
 from __future__ import annotations
 
@@ -18,10 +15,8 @@ if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from recognition.decide.score import Measure
 
-EVERY = 20
-"""Number of parts between two comparisons."""
-WINDOW = 200
-"""Number of most recent parts that are compared; older ones would hide a recent change."""
+EVERY = 20  # parts between two comparisons
+WINDOW = 200  # most recent parts that are compared; older ones would hide a recent change
 
 
 def watch_of(settings: ReadSettings) -> DriftWatch | None:
@@ -32,10 +27,8 @@ def watch_of(settings: ReadSettings) -> DriftWatch | None:
 
 
 class DriftWatch:
-    """Running comparison of the latest `window` parts with those of a certificate; threads may share it.
-
-    A comparison takes some tenths of a second, the first one seconds, as it imports SciPy's statistics.
-    """
+    """Running comparison of the latest `window` parts with those of a certificate; threads may share it. A comparison
+    takes some tenths of a second, the first one seconds, as it imports SciPy's statistics."""
 
     window = WINDOW
 
@@ -45,7 +38,7 @@ class DriftWatch:
         self._waiting = 0
         self._lock = threading.Lock()
         self.parts = 0
-        self.found: tuple[Unlike, ...] = ()
+        self._differing: tuple[Unlike, ...] = ()
         self.first = ""
 
     def add(self, source: str, measures: Mapping[Measure, float]) -> bool:
@@ -62,16 +55,16 @@ class DriftWatch:
         """Compare now, unless no part was added since; return whether a difference is new."""
         if not self._waiting:
             return False
-        before, self._waiting = self.found, 0
-        self.found = unlike(self.certificate.kind, self._latest)
+        before, self._waiting = self._differing, 0
+        self._differing = unlike(self.certificate.kind, self._latest)
         self.first = self.first or self.message()
-        return bool(self.found) and not before
+        return bool(self._differing) and not before
 
     def message(self) -> str:
-        if not self.found:
+        if not self._differing:
             return ""
         return (
             f"these parts are unlike the certified ones, and the certificate of "
             f"{self.certificate.made_at:%Y-%m-%d} holds only for those: "
-            f"{'; '.join(map(str, self.found[:3]))}; certify again on parts like these"
+            f"{'; '.join(map(str, self._differing[:3]))}; certify again on parts like these"
         )

@@ -1,8 +1,6 @@
-"""Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database.
-
-All exemplars are kept and the font is rebuilt from them each time: the order in which parts are enrolled does not
-matter, and a part that is enrolled twice counts once.
-"""
+"""Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database. All exemplars
+are kept and the font is rebuilt from them each time: the order in which parts are enrolled does not matter, and a part
+that is enrolled twice counts once."""
 
 from __future__ import annotations
 
@@ -25,8 +23,7 @@ if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.formats.part_files import PartFiles
 
-MOST_EXEMPLARS = 30
-"""Most exemplars of a character in a font; the oldest are dropped first because dies wear."""
+MOST_EXEMPLARS = 30  # of a character in a font; the oldest are dropped first because dies wear
 
 _OF_CUT = ("char", "relief", "height_mm", "rotation_deg", "raised", "place")
 
@@ -39,36 +36,26 @@ class Refused:
     why: str
 
 
-_Cuts = tuple[str, tuple[Cut, ...]] | Refused
-"""Hash of a part's file with the characters cut from it, or the reason why there are none."""
+_Cuts = tuple[str, tuple[Cut, ...]] | Refused  # hash of a part's file, and the characters cut from it
 
 
 @dataclass(frozen=True)
 class EnrolReport:
-    """Result of an enrolment.
-
-    Attributes:
-        enrolled: (part, characters taken) of each new part.
-        set_aside: exemplars kept but not used, since they disagree with the character or with others of it.
-        felt: characters learned from touch.
-        never_felt: letters and digits taken from the nearest known font.
-        trusted: whether that font is near enough for these not to count as guesses.
-        likeness: mean correlation with the fitted shapes of that font, `like`.
-        agreement: share of exemplars that agree with others of their character.
-    """
+    """Result of an enrolment."""
 
     font: str
-    enrolled: tuple[tuple[str, str], ...]
+    enrolled: tuple[tuple[str, str], ...]  # (part, characters taken) of each new part
     known: tuple[str, ...]
     refused: tuple[Refused, ...]
+    # kept but not used: they disagree with the character or with others of it
     set_aside: tuple[Exemplar, ...]
     exemplars: int
-    felt: str
-    never_felt: str
-    trusted: bool
+    felt: str  # characters learned from touch
+    never_felt: str  # letters and digits taken from the nearest known font
+    trusted: bool  # that font is near enough for these not to count as guesses
     like: str
-    likeness: float
-    agreement: float = 1.0
+    likeness: float  # mean correlation with the fitted shapes of that font, `like`
+    agreement: float = 1.0  # share of exemplars that agree with others of their character
 
     def describe(self) -> str:
         taken = sum(len(chars) for _, chars in self.enrolled)
@@ -89,29 +76,21 @@ class EnrolReport:
 
 
 def enrol(
-    parts: Sequence[PartFiles],
+    parts: Sequence[PartFiles],  # with confirmed texts in `expected`; a scan is preferred to a height map
     database: Path,
     *,
     font: str,
     settings: ReadSettings,
-    vouching: bool = True,
+    vouching: bool = True,  # the nearest known font may vouch for rare characters: see `learn_font`
     now: datetime | None = None,
     each: Callable[[Callable[[PartFiles], _Cuts], Sequence[PartFiles]], Iterable[_Cuts]] = map,
 ) -> EnrolReport:
     """Add the characters of reviewed parts to a database, and make a font of them.
 
     A missing database is made, with the fonts that the settings name, or the built-in ones. The file is replaced whole
-    at the end, or left alone if nothing changed.
-
-    Args:
-        parts: parts with confirmed texts in `expected`; a scan is preferred to a height map.
-        vouching: whether the nearest known font may vouch for characters with few exemplars: see `learn_font`.
-        each: calls a function with every part and gives the results in order, as `map` does.
-
-    Raises:
-        FileError: the database cannot be read or written, or `font` is a font that was not learned.
-        ExemplarError: no font can be made from the exemplars.
-        FontError: a font of the settings cannot be loaded.
+    at the end, or left alone if nothing changed. `each` calls a function with every part and gives the results in
+    order, as `map` does. Raises FileError: the database cannot be read or written, or `font` is a font that was not
+    learned. ExemplarError: no font can be made from the exemplars. FontError: a font of the settings cannot be loaded.
     """
     held = _open_database(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):

@@ -49,10 +49,8 @@ def check_held_out(
     most_parts: int = 20,
 ) -> HeldOutCheck | None:
     """Read reviewed parts with a font learned from other parts of the same die, and without it; None for too few parts.
-
     The database holds the learned font. Of fewer parts than `fewest_parts` half would teach too little; more than
-    `most_parts` would only take longer.
-    """
+    `most_parts` would only take longer."""
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:
         return None

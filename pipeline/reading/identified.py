@@ -44,8 +44,7 @@ _MEANINGS = {
 _REMEDY = "hang a known weight on each tip to measure the gains, or record the piece once more"
 _GAINS = "gains"
 _MISFIT = 2.0
-_WIDE = 1.96
-"""Half width of the 95 % interval, standard deviations."""
+_WIDE = 1.96  # half width of the 95 % interval, standard deviations
 
 
 def identify_recording(
@@ -107,11 +106,9 @@ def confounded(
     """Find groups of numbers that are known only in combination; the gains count as one.
 
     In units of the prior standard deviations, the covariance has large eigenvalues along directions that the recording
-    does not determine. If several numbers share such a direction, only their combination is known.
-
-    Args:
-        open_share: share of the prior standard deviation above which a combination counts as open.
-        least_part: least component of a unit direction for a number to count as part of it.
+    does not determine. If several numbers share such a direction, only their combination is known. A combination counts
+    as open above `open_share` of the prior standard deviation; `least_part` is the least component of a unit direction
+    for a number to count as part of it.
     """
     scaled = fit.covariance / np.outer(fit.before, fit.before)
     felt = [*range(len(Unknown)), *(len(Unknown) + whisker for whisker in fit.whiskers)]

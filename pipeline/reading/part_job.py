@@ -50,58 +50,41 @@ if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage
 
 Order = TypeVar("Order")
-RECORDING = "scan.h5"
-"""Name of the recording that `read_on_stage` leaves in the job's folder."""
+RECORDING = "scan.h5"  # that `read_on_stage` leaves in the job's folder
+# for which a sense searches a part of the service by default, so that none holds a worker for longer
 SENT_LIMIT_S = 60.0
-"""Seconds for which a sense searches a part of the service by default, so that no part holds a worker for longer."""
 _MOST_BYTES_SENT = 200_000_000
 
 
 @dataclass(frozen=True)
 class Wants:
-    """What a job's caller wants beside the record.
+    """What a job's caller wants beside the record."""
 
-    Attributes:
-        pictures: of every part, or of those to review.
-        measures: with a certificate they are returned anyway.
-        camera: the camera's own reading before a fused one, and the plan for touch if the camera is unsure.
-    """
-
-    pictures: Literal["", "all", "review"] = ""
-    measures: bool = False
+    pictures: Literal["", "all", "review"] = ""  # of every part, or of those to review
+    measures: bool = False  # with a certificate they are returned anyway
     digest: bool = False
+    # the camera's own reading before a fused one, and the plan for touch if the camera is unsure
     camera: bool = False
 
 
 @dataclass(frozen=True)
 class PartJob:
-    """A part to read, with all that its reading depends on; without files, the job of many parts.
+    """A part to read, with all that its reading depends on; without files, the job of many parts."""
 
-    Attributes:
-        files: its own format and font override those of the settings.
-        limits: size limits, checked from the files' headers before anything is decoded.
-        felt: reading of its scan, if it was read during active touch.
-        retake: simulated second measurement, in place of the files' content.
-        all_senses: it is read by all senses that it has files for, whatever the settings' mode.
-        earlier: its photographs are those of an earlier job, whose reading and picture exist.
-        verify: texts are expected of all parts; the record of a part without one says so.
-        folder: folder for output files, of this job alone.
-        names: names of the files in messages (default: the names in their paths, without folders).
-        sent: contents of files that the settings name, for machines that do not have them.
-    """
-
+    # their format and font override those of the settings
     files: PartFiles = field(default_factory=lambda: PartFiles("part"))
     settings: ReadSettings = field(default_factory=ReadSettings)
     expected: str = ""
-    limits: Limits | None = None
+    limits: Limits | None = None  # checked from the files' headers before anything is decoded
     wants: Wants = Wants()
-    felt: ActiveReading | None = None
-    retake: Retake | None = None
-    all_senses: bool = False
-    earlier: bool = False
-    verify: bool = False
-    folder: Path = Path()
-    names: Mapping[str, str] = field(default_factory=dict)
+    felt: ActiveReading | None = None  # reading of its scan, if it was read during active touch
+    retake: Retake | None = None  # simulated second measurement, in place of the files' content
+    all_senses: bool = False  # it is read by all senses that it has files for, whatever the settings' mode
+    earlier: bool = False  # its photographs are those of an earlier job, whose reading and picture exist
+    verify: bool = False  # texts are expected of all parts; the record of a part without one says so
+    folder: Path = Path()  # for output files, of this job alone
+    names: Mapping[str, str] = field(default_factory=dict)  # of files in messages (default: as in paths)
+    # contents of files that the settings name, for machines without them
     sent: Mapping[str, bytes] | None = None
 
     @property
@@ -110,11 +93,9 @@ class PartJob:
         return {file: self.names.get(file) or Path(file).name for file in self.files.files}
 
     def open_reader(self) -> Reader:
-        """The reader of this job, cached by settings and content of the files that they name.
-
-        Raises FileError: a lexicon, certificate or database cannot be used. MarksError: settings contradict each other,
-        or a font cannot be used.
-        """
+        """The reader of this job, cached by settings and content of the files that they name. Raises FileError: a
+        lexicon, certificate or database cannot be used. MarksError: settings contradict each other, or a font cannot be
+        used."""
         from pipeline.reading.readers import reader_of
 
         settings = settings_of(with_local_files(self.settings, self.sent), self.files)

@@ -1,8 +1,5 @@
-"""Pictures for the operator's page, drawn without matplotlib because a part waits for them.
-
-Each has its position, `x0_mm` and `y0_mm` of the middle of its first pixel, and `mm_per_pixel`, so that boxes in mm can
-be drawn over it.
-"""
+"""Pictures for the operator's page, drawn without matplotlib because a part waits for them. Each has its position,
+`x0_mm` and `y0_mm` of the middle of its first pixel, and `mm_per_pixel`, so that boxes in mm can be drawn over it."""
 
 from __future__ import annotations
 
@@ -22,8 +19,8 @@ if TYPE_CHECKING:
     from recognition.decide.reading import Reading
 
 MOST_PIXELS_A_SIDE = 1600
+# width of an edge map's picture: small maps are enlarged, so that strokes can be seen
 LEAST_EDGE_PIXELS = 900
-"""Least width of an edge map's picture: small maps are enlarged, so that boxes and strokes can be seen."""
 QUALITY = 88
 _STRONGEST_PERCENT = 99.0
 _SAMPLED = 200_000

@@ -77,20 +77,12 @@ class PartReader:
         part: PartFiles,
         *,
         expected: str = "",
-        again: Retake | None = None,
-        felt: ActiveReading | None = None,
+        again: Retake | None = None,  # simulated second measurement, in place of the files' content
+        felt: ActiveReading | None = None,  # reading of its scan, if it was read during active touch
         notes: tuple[str, ...] = (),
     ) -> Reading:
-        """Load a part, read it, and verify its expected text, if any.
-
-        Args:
-            again: simulated second measurement, in place of the files' content.
-            felt: reading of its scan, if it was read during active touch.
-
-        Raises:
-            FileError: a file of the part cannot be used.
-            VerifyError: the expected text cannot be verified.
-        """
+        """Load a part, read it, and verify its expected text, if any. Raises FileError: a file cannot be used.
+        VerifyError: the expected text cannot be verified."""
         evidence = self._evidence(part, expected, again, felt)
         return self.reader.decide(replace(evidence, expected=expected, notes=(*evidence.notes, *notes)))
 

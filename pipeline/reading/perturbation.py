@@ -28,30 +28,22 @@ if TYPE_CHECKING:
     from whisker_array.scan.scan import Scan
     from whisker_array.scan.sweep import Sweep
 
+# standard deviation of the noise added to a photograph, besides its own, as a share of full scale
 CAMERA_NOISE = 0.01
-"""Standard deviation of the noise added to a photograph, besides its own, as a share of full scale."""
-_UNKNOWN_NOISE = 1e-3
-"""Noise added to a recording without air samples, as a share of the median moment."""
+_UNKNOWN_NOISE = 1e-3  # added to a recording without air samples, as a share of the median moment
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """A kind of perturbation and its size.
-
-    Attributes:
-        shift: of the traced lines, in line pitches, along x and y.
-        light, scale: shares by which the photograph is brighter or darker, and the part larger or smaller.
-        reordered: directions and passes are in reverse order.
-        drawn: shift, light and scale are drawn at random, with these as the largest values.
-    """
+    """A kind of perturbation and its size."""
 
     name: str
-    shift: float = 0.0
+    shift: float = 0.0  # of the traced lines, in line pitches, along x and y
     noise: bool = False
-    light: float = 0.0
-    scale: float = 0.0
-    reordered: bool = False
-    drawn: bool = False
+    light: float = 0.0  # share by which the photograph is brighter or darker
+    scale: float = 0.0  # share by which the part is larger or smaller
+    reordered: bool = False  # directions and passes are in reverse order
+    drawn: bool = False  # shift, light and scale are drawn at random, with these as the largest values
 
     def reaches(self, senses: Sequence[str]) -> bool:
         """Whether it changes anything for these senses: "touch" or "felt", "vision" or "lights" (default: all)."""
@@ -111,7 +103,6 @@ class Retake:
         return replace(photo, pixels=pixels, centre_mm=centre, others=others)
 
     def feel(self, array: VirtualArray, *, soil: Soil | None, part_id: str) -> Feel:
-        """Function that scans the perturbed surface by touch; noise is that of real sensors."""
         from recognition.see.virtual_bench import VirtualBench
         from whisker_array.scan.sensor import Sensors
 

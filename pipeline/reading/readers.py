@@ -1,8 +1,6 @@
-"""Make readers from settings, and check jobs before they are used, in a worker.
-
-A worker caches readers, because making templates takes longer than reading a part. Formats, fonts and glyph databases
-from outside may take any amount of work; a worker's is limited.
-"""
+"""Make readers from settings, and check jobs before they are used, in a worker. A worker caches readers, because making
+templates takes longer than reading a part. Formats, fonts and glyph databases from outside may take any amount of work;
+a worker's is limited."""
 
 from __future__ import annotations
 
@@ -26,16 +24,13 @@ if TYPE_CHECKING:
     from recognition.reader import Reader
     from recognition.see.virtual_array import VirtualArray
 
-MOST_KEPT = 8
-"""Most readers kept; the least recently used is evicted."""
+MOST_KEPT = 8  # readers; the least recently used is evicted
 
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
-    """The reader for these settings and the present content of the files that they name.
-
-    `after_photo`: scans cover only the line that the camera saw, so that regions do not apply. Raises FileError: the
-    lexicon cannot be used. ValueError: the database or a font cannot be used.
-    """
+    """The reader for these settings and the present content of the files that they name. `after_photo`: scans cover
+    only the line that the camera saw, so that regions do not apply. Raises FileError: the lexicon cannot be used.
+    ValueError: the database or a font cannot be used."""
     # a file that is not there is reported when the reader is opened
     return _cached_reader(settings, tuple(map(stamp_if_there, files_of(settings))), after_photo)
 
@@ -90,10 +85,8 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
-    """Find the character height by reading the part. Raises MarksError: no characters were found.
-
-    Dirt makes bands of its own, and only a reading finds the band that is the line.
-    """
+    """Find the character height by reading the part. Raises MarksError: no characters were found. Dirt makes bands of
+    its own, and only a reading finds the band that is the line."""
     from recognition.reader import Reader
 
     reading = Reader().read(height_map, soil=soil)

@@ -11,17 +11,14 @@ from glyphs.errors import FileError, MarksError
 from pipeline.errors import FaultError, OwnFileError, describe_fault, is_machine_error, shown_as
 
 _log = logging.getLogger(__name__)
-EXPECTED = "expected"
-"""Name of the text expected of a part, in errors that stand beside those of its files."""
+EXPECTED = "expected"  # name of the text expected of a part, in errors beside those of its files
 
 
 @contextlib.contextmanager
 def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
-    """Turn every problem into a file error with the sender's name for the file, by path, and without the folder.
-
-    The first name is used if an error names no file. Raises FileError: a problem with one of the files. OwnFileError: a
-    problem with this machine, or with any other file. FaultError: a fault of this program.
-    """
+    """Turn every problem into a file error with the sender's name for the file, by path, and without the folder. The
+    first name is used if an error names no file. Raises FileError: a problem with one of the files. OwnFileError: a
+    problem with this machine, or with any other file. FaultError: a fault of this program."""
     from recognition.decide.verify import VerifyError
 
     def without_folders(message: str) -> str:

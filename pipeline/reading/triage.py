@@ -27,21 +27,15 @@ else:  # slow to import; a journal reads them in the form in which they are writ
 
 @dataclass(frozen=True)
 class ReadPart:
-    """A part that a worker has read; what was not requested is empty.
+    """A part that a worker has read; what was not requested is empty."""
 
-    Attributes:
-        readings: in the order they were made, the last one counts; or one with the error.
-        plan: plan for touch; None if touch is not needed.
-        sha256: hash of its files and of its entry in the list of parts.
-        unverified: the text expected of it could not be looked for: a person decides.
-    """
-
+    # in the order they were made, the last one counts; or one with the error
     readings: tuple[ReadingRecord, ...]
     pictures: tuple[Picture, ...] = ()
-    plan: ScanPlanRecord | None = None
+    plan: ScanPlanRecord | None = None  # for touch; None if touch is not needed
     measures: Mapping[Measure, float] = field(default_factory=dict)
-    sha256: str = ""
-    unverified: bool = False
+    sha256: str = ""  # of its files and of its entry in the list of parts
+    unverified: bool = False  # the text expected of it could not be looked for: a person decides
 
     @property
     def record(self) -> ReadingRecord:
@@ -53,11 +47,9 @@ class ReadPart:
 
 
 def state_after(reading: ReadingRecord) -> PartState:
-    """State of a part after a reading, whose own decision applies the thresholds.
-
-    If a text is expected, only a part with that text is accepted. Files that could not be read are for a person: there
-    is no photograph to plan touch by.
-    """
+    """State of a part after a reading, whose own decision applies the thresholds. If a text is expected, only a part
+    with that text is accepted. Files that could not be read are for a person: there is no photograph to plan touch
+    by."""
     if reading.decision == "accept" and reading.verdict in ("", "confirmed"):
         return PartState.ACCEPTED
     by_camera = reading.source == "vision" and not reading.error

@@ -1,8 +1,6 @@
-"""Warm up a worker, so that its first part takes no longer than the next one.
-
-The part is a clean one in the settings' format, so both senses are soon sure of it. Work that only unsure parts need, a
-font's prototypes for the camera and rough templates of every font, is done with the first of them.
-"""
+"""Warm up a worker, so that its first part takes no longer than the next one. The part is a clean one in the settings'
+format, so both senses are soon sure of it. Work that only unsure parts need, a font's prototypes for the camera and
+rough templates of every font, is done with the first of them."""
 
 from __future__ import annotations
 
@@ -14,10 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pipeline.common.settings import Limits, ReadSettings
 
-PLAIN = "K4X7H2"
-"""Characters that are not easily confused."""
-PIXELS = 60.0
-"""Pixels per character height in the photograph."""
+PLAIN = "K4X7H2"  # not easily confused
+PIXELS = 60.0  # per character height in the photograph
 
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:

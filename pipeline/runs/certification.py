@@ -1,7 +1,5 @@
 """Certify a reader: read labelled parts as `read` does, and find the confidence from which readings may be accepted.
-
-Readings are kept beside the certificate until it is written: the same command continues where it stopped.
-"""
+Readings are kept beside the certificate until it is written: the same command continues where it stopped."""
 
 from __future__ import annotations
 
@@ -49,20 +47,14 @@ class CertificationJournal(Journal[ReadPart]):
 
 @dataclass(frozen=True)
 class Certification:
-    """Result of a certification on labelled parts.
+    """Result of a certification on labelled parts."""
 
-    Attributes:
-        certificate: None if no threshold is proven to keep the risk.
-        errors: number of parts that could not be read.
-        without_truth: number of parts that are not in the truth, and were not read.
-        missing: estimated number of further parts for a certificate; None if there is one, or if no number suffices.
-    """
-
-    certificate: Certificate | None
+    certificate: Certificate | None  # None if no threshold is proven to keep the risk
     tests: tuple[ThresholdTest, ...]
     parts: int
-    errors: int
-    without_truth: int
+    errors: int  # parts that could not be read
+    without_truth: int  # parts that are not in the truth, and were not read
+    # estimated number of further parts for a certificate; None if there is one, or if no number suffices
     missing: int | None
 
 
@@ -79,14 +71,11 @@ def certify(
 ) -> Certification:
     """Read labelled parts, and find the confidence from which readings may be accepted at a risk.
 
-    Args:
-        out: certificate file to write; the journal of the parts already read is kept beside it.
-        risk: largest share of wrong readings among the accepted, between 0 and 1.
-        confidence: confidence level of the test, between 0 and 1.
+    `risk` is the largest share of wrong readings among the accepted, `confidence` the level of the test, both between 0
+    and 1. The journal of the parts already read is kept beside `out`, the certificate file.
 
-    Raises:
-        FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
-        MarksError: the settings cannot be certified, or no sense keeps their risk.
+    Raises FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
+    MarksError: the settings cannot be certified, or no sense keeps their risk.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")

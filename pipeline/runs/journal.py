@@ -1,7 +1,5 @@
-"""The journal of a run: the result of each part that is done, in an SQLite file beside the output.
-
-Whatever ends the run, the same command continues where it stopped.
-"""
+"""The journal of a run: the result of each part that is done, in an SQLite file beside the output. Whatever ends the
+run, the same command continues where it stopped."""
 
 from __future__ import annotations
 
@@ -46,34 +44,21 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 class Journal(Generic[Stored]):
     """Stored results of the parts of one run; each survives any end of the process, and one process has it at a time.
+    Methods that write raise FileError if the disk refuses."""
 
-    Methods that write raise FileError if the disk refuses.
-
-    Attributes:
-        kind: kind of run, in one word.
-        keeps: type stored for a part; pydantic writes and reads it.
-        facts: columns beside it, which can be read without it; see `facts_of`.
-        file: name of the journal in the folder of its run; empty if the place of the run is the journal itself.
-    """
-
-    kind: ClassVar[str]
+    kind: ClassVar[str]  # of run, in one word
     version: ClassVar[int] = 1
-    keeps: ClassVar[Any]
-    facts: ClassVar[tuple[str, ...]] = ()
+    keeps: ClassVar[Any]  # type stored for a part; pydantic writes and reads it
+    facts: ClassVar[tuple[str, ...]] = ()  # columns beside it, which can be read without it; see `facts_of`
+    # name in the folder of its run; empty if the place of the run is the journal itself
     file: ClassVar[str] = ""
 
     def __init__(
         self, place: Path, description: Mapping[str, Any] | None, *, output: Path | None = None
     ) -> None:
-        """Resume the journal, a file or in the folder of the run, or begin a new one.
-
-        Args:
-            description: of the run in plain JSON values; None to read any run and change nothing.
-            output: file that errors name (default: the journal).
-
-        Raises:
-            FileError: the journal is of another run, another process has it, or it cannot be used.
-        """
+        """Resume the journal, a file or in the folder of the run, or begin a new one. Raises FileError: the journal is
+        of another run, another process has it, or it cannot be used. The description is of plain JSON values; None to
+        read any run and change nothing. Errors name the `output` (default: the journal)."""
         self.path = place / self.file if self.file else place
         self._output = output or self.path
         # a dataclass takes no configuration, a union with it does
@@ -154,14 +139,11 @@ class Journal(Generic[Stored]):
         return results
 
     def facts_of(self, name: str, result: Stored) -> Sequence[Any]:
-        """Values of the columns `facts`."""
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
         """Stream columns (name, kept, facts) of the first result of every part and then of its second one, or None.
-
-        Names in `order` come first; those without a stored result are skipped.
-        """
+        Names in `order` come first; those without a stored result are skipped."""
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
             self._db.execute("delete from temp.asked")
@@ -177,7 +159,6 @@ class Journal(Generic[Stored]):
         return [self.parse(text) for (text,) in reversed(rows)]
 
     def close(self) -> None:
-        """Close the journal; SQLite removes its extra files."""
         with contextlib.suppress(sqlite3.Error):
             # the closed file can be copied and read anywhere
             self._db.execute("pragma journal_mode = delete")
@@ -271,20 +252,17 @@ def resumable(
     journal: Journal[Stored],
     parts: Iterable[T],
     executor: Executor,
-    work: Callable[[O, T], R],
+    work: Callable[[O, T], R],  # makes a result of (order, part)
     order: O,
     *,
-    lost: Callable[[T, Exception], R],
+    lost: Callable[[T, Exception], R],  # makes that of a part whose work failed or whose worker died
     form: Callable[[T, R], Stored | None] = lambda _, result: result,  # type: ignore[assignment, return-value]
     name: str = "name",
     again: bool = False,
 ) -> Iterator[tuple[T, Stored]]:
     """Process the parts that the journal lacks, store each result, and yield it; those that arrive together, together.
 
-    Args:
-        work: makes a result of (order, part).
-        lost: makes the result of a part whose work failed or whose worker died.
-        form: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
+    Of (part, result) `form` makes what is stored (default: the result itself); None: the part is not done.
     """
     named, done = attrgetter(name), journal.again if again else journal.names
     tasks: dict[str, T] = {}

@@ -1,8 +1,6 @@
-"""Rules for the readings of a lot, whose parts are read in any order, and some of them twice.
-
-Parts read with certainty give the shapes for reading the others again. They are chosen by their content, so the order
-of the parts makes no difference. Serials that several parts have are found once, in the final records of all parts.
-"""
+"""Rules for the readings of a lot, whose parts are read in any order, and some of them twice. Parts read with certainty
+give the shapes for reading the others again. They are chosen by their content, so the order of the parts makes no
+difference. Serials that several parts have are found once, in the final records of all parts."""
 
 from __future__ import annotations
 
@@ -18,10 +16,8 @@ from pipeline.common.texts import first_of, without_blanks
 
 FEWEST_PARTS = 12
 """Least size of a lot to learn from: in a smaller one hardly a character occurs on three parts read with certainty."""
-MOST_TEACHERS = 40
-"""Most enrolled parts."""
-EXEMPLARS_EACH = 6
-"""Number of exemplars of a character after which no further part is enrolled for it."""
+MOST_TEACHERS = 40  # enrolled parts
+EXEMPLARS_EACH = 6  # of a character, after which no further part is enrolled for it
 LEAST_AGREEMENT = 0.7
 """Least share of exemplars that agree with others of their character. Of one die, nine in ten or more agree; exemplars
 of two dies do not agree with each other."""
@@ -65,8 +61,7 @@ def is_better(second: Outline, first: Outline) -> bool:
     return second.decision == "accept" or (second.text == first.text and second.confidence > first.confidence)
 
 
-Repeats = Mapping[str, Sequence[str]]
-"""Names of the parts by serial, of serials that several parts have."""
+Repeats = Mapping[str, Sequence[str]]  # names of the parts by serial, of serials that several parts have
 
 
 def find_repeats(readings: Iterable[Outline]) -> Repeats:

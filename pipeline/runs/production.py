@@ -32,8 +32,8 @@ from pipeline.runs.second_pass import runs_second_pass
 from pipeline.runs.workbook import check_number
 from pipeline.workers.executors import Executor, WorkerLostError
 
+# parts whose rows are printed; of more only the counts are printed, and the table has all rows
 MOST_SHOWN = 200
-"""Most parts whose rows are printed. For more parts only the counts are printed; the table has all rows."""
 
 
 def parts_for(

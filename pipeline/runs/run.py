@@ -1,8 +1,6 @@
-"""A run over many parts, read by an executor; every row is on the disk within a second.
-
-Whatever ends the run, the same command continues where it stopped: a part in the journal is not read again. A part that
-only the store has is read again, but stored once, even if the run is repeated after its end.
-"""
+"""A run over many parts, read by an executor; every row is on the disk within a second. Whatever ends the run, the same
+command continues where it stopped: a part in the journal is not read again. A part that only the store has is read
+again, but stored once, even if the run is repeated after its end."""
 
 from __future__ import annotations
 
@@ -35,34 +33,24 @@ if TYPE_CHECKING:
 
 @dataclass
 class Run:
-    """A run with the outputs of its rows.
-
-    Attributes:
-        quarantine: table of the parts that could not be read.
-        watch: compares the parts read now with those of a certificate.
-        on_row: called with every final row, including those from before a resumption.
-        known: number of the parts read now that the store already had.
-    """
+    """A run with the outputs of its rows."""
 
     journal: RunJournal
-    quarantine: Path | None = None
+    quarantine: Path | None = None  # table of the parts that could not be read
     store: RunStore | None = None
     second: SecondPass | None = None
     rules: SerialRules = ANY_SERIAL
-    watch: DriftWatch | None = None
+    watch: DriftWatch | None = None  # compares the parts read now with those of a certificate
     progress: Progress = field(default_factory=Progress)
-    on_row: Callable[[ReadingRecord], None] | None = None
+    on_row: Callable[[ReadingRecord], None] | None = None  # every final row, also from before a resumption
     summary: Summary = field(default_factory=Summary)
     read_now: int = 0
-    known: int = 0
+    known: int = 0  # of the parts read now, the store already had
     finished: bool = False
 
     def work(self, parts: Sequence[PartFiles], job: PartJob, executor: Executor) -> None:
-        """Read every part that the journal lacks, and export the table in the order of the parts.
-
-        Without a table the journal stays until the caller that opened the run is done. Raises FileError, ClusterError:
-        it ends.
-        """
+        """Read every part that the journal lacks, and export the table in the order of the parts. Without a table the
+        journal stays until the caller that opened the run is done. Raises FileError, ClusterError: it ends."""
         if self.watch is not None and self.journal.resumed:
             for read in self.journal.latest(self.watch.window):
                 self.watch.add(read.record.source, read.measures)
@@ -127,10 +115,8 @@ class Run:
 @contextmanager
 def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: bool = False) -> Iterator[Run]:
     """Open a new run with its table, or resume an interrupted one; answers depend on the description, in JSON values.
-
     Raises FileError: the table belongs to another run, is being written, or cannot be written. StoreError: the store
-    cannot be opened.
-    """
+    cannot be opened."""
     # a part's own entry in a table is in its own key in the store
     known = {name: value for name, value in description.items() if name != "tables"}
     key = key_of({**known, "store": options.store})

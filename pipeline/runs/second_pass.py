@@ -51,17 +51,12 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
 
 @dataclass
 class SecondPass:
-    """Learn the shapes of a lot's own die, and use them to read the parts again that were not accepted.
-
-    Attributes:
-        always: whether it is made even if no part needs another reading.
-        again: number of parts read again since the run was opened.
-    """
+    """Learn the shapes of a lot's own die, and use them to read the parts again that were not accepted."""
 
     database: Path
-    always: bool = False
+    always: bool = False  # even if no part needs another reading
     learned: EnrolReport | None = field(default=None, init=False)
-    again: int = field(default=0, init=False)
+    again: int = field(default=0, init=False)  # parts read again since the run was opened
 
     def learned_job(
         self,

@@ -15,8 +15,7 @@ from recognition.decide.decision import CHECK_FORMAT, ReadingFlag
 from recognition.decide.risk_text import CANNOT_PROMISE
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
-GLOSSARY = "docs/pages/reference/glossary.md"
-"""Page of the sources that explains decisions, grades, actions and reasons."""
+GLOSSARY = "docs/pages/reference/glossary.md"  # page of the sources on decisions, grades, actions, reasons
 MOST_REASONS = 8
 _MOST_KINDS = 500
 _MOST_KIND = 160
@@ -29,25 +28,18 @@ _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
 @dataclass
 class Summary:
-    """Counts over any number of rows.
-
-    Attributes:
-        reasons: of parts not accepted; a part may have several.
-        misfits: of parts on which a clear text does not fit the format, by the way in which it does not.
-        slowest: (seconds, part), slowest first.
-        unsure: parts whose low score is the only reason against them.
-    """
+    """Counts over any number of rows."""
 
     parts: int = 0
     decisions: Counter[str] = field(default_factory=Counter)
     verdicts: Counter[str] = field(default_factory=Counter)
     errors: int = 0
-    reasons: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)  # of parts not accepted; a part may have several
     faults: Counter[str] = field(default_factory=Counter)
-    misfits: Counter[str] = field(default_factory=Counter)
+    misfits: Counter[str] = field(default_factory=Counter)  # by how a clear text does not fit the format
     seconds: float = 0.0
-    slowest: list[tuple[float, str]] = field(default_factory=list)
-    unsure: int = 0
+    slowest: list[tuple[float, str]] = field(default_factory=list)  # (seconds, part), slowest first
+    unsure: int = 0  # parts whose low score is the only reason against them
 
     def add(self, record: ReadingRecord) -> None:
         self.parts += 1

@@ -29,8 +29,7 @@ CSV_COLUMNS = tuple(row_of(ReadingRecord.failed("", "")))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
 COLUMNS = (*_FIRST, *(f.name for f in fields(ReadingRecord) if f.name not in _FIRST))
 """Columns of JSON lines and Parquet."""
-MOST_TEXT = 100_000
-"""Most characters of one escaped text; Python's own CSV reader takes up to 131,072."""
+MOST_TEXT = 100_000  # characters of one escaped text; Python's own CSV reader takes up to 131,072
 _INFINITE = (math.inf, -math.inf)
 _GROUP_RECORDS = 500  # rows of a Parquet group, some megabytes in memory
 _ODD = re.compile(r"[\x00\ud800-\udfff]|\\(?=u(?:0000|005c|d[89a-f][0-9a-f]{2}))")
@@ -121,8 +120,7 @@ LINE_FORMS = {
     ),
     ".jsonl": LineForm(b"", _json_line),
 }
-WORKBOOK = ".xlsx"
-"""Suffix of a workbook, which is made at the end of a run; see `pipeline.runs.workbook`."""
+WORKBOOK = ".xlsx"  # made at the end of a run; see `pipeline.runs.workbook`
 SUFFIXES = (*LINE_FORMS, ".parquet", WORKBOOK)
 
 

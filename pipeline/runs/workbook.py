@@ -25,8 +25,7 @@ from pipeline.common.settings import NamedLine
 from pipeline.runs.read_table import notes
 from pipeline.runs.tables import CSV_COLUMNS, WORKBOOK, csv_cells
 
-MOST_PARTS = 1_048_575
-"""Lines of a sheet below its headings, a limit of Excel."""
+MOST_PARTS = 1_048_575  # lines of a sheet below its headings, a limit of Excel
 # characters of a cell, a limit of Excel
 _MOST_TEXT = 32_767
 _CANDIDATES = 5

@@ -49,9 +49,7 @@ log = structlog.get_logger("tactile-marks")
 SWEEP_EVERY_S = 3600.0
 # Seconds between checks of jobs and glyph databases that were unusable.
 RECHECK_EVERY_S = 1.0
-# Seconds between looks at workers that warm up.
 LOOK_AT_WORKERS_S = 0.05
-# Seconds between looks at parts that wait for touch.
 LOOK_AT_TOUCH_S = 1.0
 # Seconds between looks for alerts; a window of parts takes longer.
 LOOK_FOR_ALERTS_S = 5.0
@@ -171,13 +169,9 @@ class Service:
         machine: Machine | None = None,
         started_s: float | None = None,
     ) -> None:
-        """Open store and folders, and start to warm up the workers; `started_s` is by the monotonic clock.
-
-        Raises:
-            StoreError: the store cannot be opened.
-            FileError: a folder cannot be made or belongs to another store, or a certificate or job cannot be used.
-            SettingsError: a certificate does not fit program and settings, or the watched folder's job is missing.
-        """
+        """Open store and folders, and start to warm up the workers; `started_s` is by the monotonic clock. Raises
+        StoreError. FileError: a folder cannot be made or belongs to another store, or a certificate or job cannot be
+        used. SettingsError: a certificate does not fit program and settings, or the watched folder's job is missing."""
         self.settings = settings
         workers = workers or PoolSettings()
         machine = machine or Machine.of(workers.processes, settings.worker_memory_mb)
@@ -238,10 +232,8 @@ class Service:
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     async def readiness(self) -> tuple[str, dict[str, str]]:
-        """Reason why parts cannot be read, without paths (empty if they can), and the answer of /readyz.
-
-        It comes within `READY_S`, also if the store is locked: one check runs at a time, and later callers wait for it.
-        """
+        """Reason why parts cannot be read, without paths (empty if they can), and the answer of /readyz. It comes
+        within `READY_S`, also if the store is locked: one check runs at a time, and later callers wait for it."""
         if self._readiness is None or self._readiness.done():
             self._readiness = self._checker.submit(self._check_readiness)
         checked, _ = await asyncio.wait([asyncio.wrap_future(self._readiness)], timeout=READY_S)

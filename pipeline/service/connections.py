@@ -52,17 +52,11 @@ class SparingLog(logging.Handler):
 
 
 class Peer:
-    """The other end of an open connection.
-
-    Attributes:
-        address: empty if it has gone.
-        block: see `address_block`.
-        heard_s: time of its last bytes, by the monotonic clock, s.
-    """
+    """The other end of an open connection; `address` is empty if it has gone, `block` is its `address_block`."""
 
     transport: Any
     address = block = ""
-    heard_s = 0.0
+    heard_s = 0.0  # of its last bytes, by the monotonic clock
 
     def identify(self, transport: asyncio.BaseTransport | asyncio.StreamWriter) -> None:
         self.address = str((transport.get_extra_info("peername") or ("",))[0])

@@ -1,7 +1,4 @@
-"""The golden part: a part of known relief, scanned once per shift to measure the wear of the whiskers.
-
-recording --worker--> gain, zero, tip radius, friction, preload --store--> against the reference --> alert
-"""
+"""The golden part: a part of known relief, scanned once per shift to measure the wear of the whiskers."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class GoldenPart:
         return self._store.golden_scans(self._line, limit=limit)
 
     def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:
-        """Measures of wear that exceed their limit in the newest scan, compared with the reference."""
         reference = next((scan for scan in scans if scan.reference), None)
         return wear_messages(scans[0], reference) if reference is not None else ()
 

@@ -106,14 +106,7 @@ class Received:
 
 
 class Intake:
-    """Receive parts, have them read, decide their state and keep them.
-
-    Attributes:
-        on_result: called when the outbox has something new.
-        on_part: called with every part that was read.
-        on_review: called with every part that a person has decided, in any thread.
-        targets: webhook, mqtt; none in shadow mode.
-    """
+    """Receive parts, have them read, decide their state and keep them."""
 
     def __init__(
         self, settings: ServiceSettings, *, store: Store, evidence: EvidenceFolder, calls: WorkerCalls
@@ -134,7 +127,7 @@ class Intake:
             wait_s=stage.wait_s,
         )
         self.bench = BenchWatch()
-        self.targets: tuple[str, ...] = ()
+        self.targets: tuple[str, ...] = ()  # webhook, mqtt; none in shadow mode
         self.policy = settings.review
         order = None
         if serials.order is not None:
@@ -143,8 +136,9 @@ class Intake:
         # a lock lives as long as a request that holds it or waits for it
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._announcing: set[asyncio.Future[Any]] = set()
-        self.on_result: Callable[[], object] = lambda: None
-        self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
+        self.on_result: Callable[[], object] = lambda: None  # the outbox has something new
+        self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None  # with every part that was read
+        # with every part that a person has decided, in any thread
         self.on_review: Callable[[PartRecord], object] = lambda _: None
         self.draining = False
 
@@ -168,20 +162,11 @@ class Intake:
         sent: Sequence[Upload],
         *,
         idempotency: IdempotencyKey | None = None,
-        call: TouchCall = NO_LIMIT,
-        keep_unreadable: bool = False,
-        unreadable: str = "",
+        call: TouchCall = NO_LIMIT,  # that brings the part, during which it may be felt
+        keep_unreadable: bool = False,  # a person gets an unreadable part; otherwise the sender the Problem
+        unreadable: str = "",  # why files cannot even be taken; a person gets the part without them
     ) -> Received:
-        """Read a new part.
-
-        Args:
-            call: the call that brings the part, during which it may be felt.
-            keep_unreadable: a person gets the part if its files cannot be read; otherwise the sender gets the Problem.
-            unreadable: why the files cannot even be taken; a person gets the part without them.
-
-        Raises:
-            Problem: nothing to read, unusable files, a full queue, or a key that another request has used.
-        """
+        """Read a new part. Raises Problem: nothing to read, unusable files, full queue, or key of another request."""
         if not sent and not unreadable:
             raise Problem(
                 422, "neither photo nor scan is given; send one or both of them as multipart/form-data"
@@ -283,10 +268,8 @@ class Intake:
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
-        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile.
-
-        The store knows what other processes have done. Raises Problem: the key is another request's.
-        """
+        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile. The store
+        knows what other processes have done. Raises Problem: the key is another request's."""
         if idempotency is None:
             return Received(await work())
         lock = self._locks.setdefault(idempotency.key, asyncio.Lock())

@@ -135,19 +135,13 @@ class JobFolder(RecentFiles):
         folder: Path,
         *,
         default: ReadSettings,
-        databases: GlyphDatabases | None = None,
-        needed: str = "",
+        databases: GlyphDatabases | None = None,  # that a job may name (default: in the folder)
+        needed: str = "",  # job that the service's own settings name; a missing file of it is expected back
         call: Callable[..., Any] = _call_here,
     ) -> None:
-        """Check every job in the folder.
+        """Check every job in the folder. Raises SettingsError: settings name a certificate that is not valid for them.
 
-        Args:
-            databases: glyph databases that a job may name (default: those in the jobs' folder).
-            needed: job that the service's own settings name; a missing file of it is expected to come back.
-            call: calls a function in a worker, or raises Problem (default: in this process).
-
-        Raises:
-            SettingsError: settings name a certificate that is not valid for them.
+        `call` calls a function in a worker, or raises Problem (default: in this process).
         """
         super().__init__(folder, SUFFIX, "job", needed=needed)
         self.default = default
@@ -191,7 +185,6 @@ class JobFolder(RecentFiles):
         ]
 
     def answer(self, name: str) -> JobAnswer:
-        """A job in the list. Raises Problem: 404, there is none."""
         jobs = {job.name: job for job in self.listed()}
         if name not in jobs:
             raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
@@ -206,13 +199,8 @@ class JobFolder(RecentFiles):
         return {**job.written, **lines}
 
     def save(self, name: str, written: Mapping[str, Any]) -> bool:
-        """Write a job, and return whether it is new.
-
-        Raises:
-            OwnProblem: a file that the job names cannot be used.
-            FileError, OSError: the job's own file cannot be written.
-            Problem: the name or the settings are not valid.
-        """
+        """Write a job, and return whether it is new. Raises Problem: the name or the settings are not valid.
+        OwnProblem: a file that the job names cannot be used. FileError, OSError: its own file cannot be written."""
         if re.fullmatch(NAME, name) is None:
             raise Problem(
                 422,
@@ -364,15 +352,8 @@ def teach(
     replace: bool = False,
 ) -> None:
     """Add a line that a person has marked to a job; a new job starts with the service's own fonts and thresholds.
-
-    Args:
-        line: without a name for the serial.
-        height_mm: of the serial's characters; None to measure it.
-        replace: whether a line of that name may stand there already.
-
-    Raises:
-        Problem: no such line can be, the text is not of its format, or the line stands in the job (409).
-    """
+    `line` has no name for the serial; without `height_mm` its characters are measured. Raises Problem: no such line can
+    be, the text is not of its format, or the line stands in the job (409)."""
     serial = not line.name
     try:
         objections = jobs.call(check_line, line.format, text)

@@ -46,21 +46,16 @@ log = structlog.get_logger("tactile-marks")
 
 @dataclass
 class TouchQueue:
-    """Let the stage feel waiting parts.
-
-    Attributes:
-        feel: has the stage feel a part in a call, and keeps what was read; raises Problem, StageError.
-        give_up: leaves a part to a person, and says why.
-        knows_place: the stage can say whether a part lies under the whiskers.
-    """
+    """Let the stage feel waiting parts."""
 
     store: Store
+    # keeps what was read; raises Problem, StageError
     feel: Callable[[PartRecord, TouchCall], Awaitable[PartRecord]]
     _: KW_ONLY
-    give_up: Callable[[PartRecord, str], Awaitable[object]]
+    give_up: Callable[[PartRecord, str], Awaitable[object]]  # leave a part to a person, and say why
     line: str = ""
     stage: str = ""
-    knows_place: bool = False
+    knows_place: bool = False  # the stage can say whether a part lies under the whiskers
     wait_s: float = 900.0
     retry_s: float = RETRY_S
     _deadlines: dict[tuple[str, datetime | None], float] = field(default_factory=dict, init=False)

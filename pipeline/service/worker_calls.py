@@ -1,8 +1,6 @@
-"""Calls of worker processes: refused while the queue is full, repeated if a worker is lost.
-
-A job or glyph database that turns out to be unusable is remembered until `recheck` finds it usable again. Opening a
-large damaged file takes seconds, so one that has not changed is opened again once a minute at most.
-"""
+"""Calls of worker processes: refused while the queue is full, repeated if a worker is lost. A job or glyph database
+that turns out to be unusable is remembered until `recheck` finds it usable again. Opening a large damaged file takes
+seconds, so one that has not changed is opened again once a minute at most."""
 
 from __future__ import annotations
 
@@ -128,12 +126,9 @@ class WorkerCalls:
         database: str,
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
     ) -> ReadPart:
-        """Read a part in a worker, with the settings of its job; `felt_by` is the stage that feels it meanwhile.
-
-        Raises:
-            StageError: nothing could be felt.
-            Problem: unusable files, a full queue, a lost worker; OwnProblem: an unusable file of the service.
-        """
+        """Read a part in a worker, with the settings of its job; `felt_by` is the stage that feels it meanwhile. Raises
+        StageError: nothing could be felt. Problem: unusable files, a full queue, a lost worker; OwnProblem: an unusable
+        file of the service."""
         async with self._note_fault(job, database):
             settings = await self._settings_with(database, job)
             part = replace(part, settings=settings, limits=self.limits)

@@ -41,20 +41,13 @@ def raised_alerts(tx: Transaction) -> tuple[AlertRecord, ...]:
 def look_for_alerts(
     tx: Transaction,
     *,
-    limits: Mapping[str, float],
-    window: int,
-    drifts: Mapping[str, str | None],
-    others: Mapping[str, str | None] = MappingProxyType({}),
+    limits: Mapping[str, float],  # of `REJECT_RATE` and `REVIEW_RATE`; 0: none
+    window: int,  # latest parts for rates; no rate alerts with fewer
+    drifts: Mapping[str, str | None],  # from the certified parts, by job; empty if none, None if not known
+    others: Mapping[str, str | None] = MappingProxyType({}),  # the same by the alert's name
     targets: Sequence[str] = (),
 ) -> tuple[AlertRecord, ...]:
-    """Raise and clear alerts that are due, put them in the outbox of the targets, and return those raised now.
-
-    Args:
-        limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
-        window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
-        drifts: how parts differ from the certified ones, by job; empty if they do not, None if not known yet.
-        others: the same by the alert's name.
-    """
+    """Raise and clear alerts that are due, put them in the outbox of the targets, and return those raised now."""
     latest = tx.execute(
         sa.select(parts.c.id, parts.c.state, parts.c.rejected)
         .where(parts.c.state.in_(_DECIDED))
@@ -68,7 +61,7 @@ def look_for_alerts(
 
     def rate(name: str, n: int) -> str | None:
         limit = limits.get(name, 0.0)
-        if not limit or (len(latest) == window and n <= clear_at(limit, window) * window):
+        if not limit or (len(latest) == window and n <= _clear_at(limit, window) * window):
             return ""
         if len(latest) < window or n <= limit * window:
             return None
@@ -98,8 +91,7 @@ def look_for_alerts(
     return tuple(new)
 
 
-def clear_at(limit: float, window: int) -> float:
-    """The rate at which an alert with a limit is cleared."""
+def _clear_at(limit: float, window: int) -> float:
     return max(0.0, limit - _SIGMAS * math.sqrt(limit * (1.0 - limit) / window))
 
 

@@ -46,22 +46,16 @@ _TABLES = [table for table in METADATA.sorted_tables if table is not sessions]
 
 @dataclass(frozen=True)
 class Backup:
-    """A backup's manifest.
-
-    Attributes:
-        sha256: of its store.db; kept elsewhere, it shows whether a backup was changed.
-        last_delivery: highest number that any delivery has had.
-        lost: hashes of files that were missing or damaged when it was made.
-    """
+    """A backup's manifest."""
 
     made_at: str
     program: str
-    sha256: str
+    sha256: str  # of its store.db; kept elsewhere, it shows whether a backup was changed
     rows: Mapping[str, int]
-    last_delivery: int
+    last_delivery: int  # highest number that any delivery has had
     files: int
     n_bytes: int
-    lost: Sequence[str]
+    lost: Sequence[str]  # hashes of files that were missing or damaged when it was made
 
 
 def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
@@ -94,13 +88,9 @@ def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
 
 
 def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
-    """Restore a backup into an empty store, in any database, and its files into a folder.
-
-    Raises:
-        FileError: it is no backup, or damaged; a file cannot be written.
-        ConflictError: the store is not empty.
-        StoreError: the store does not answer, or the backup's version is not known.
-    """
+    """Restore a backup into an empty store, in any database, and its files into a folder. Raises FileError: it is no
+    backup, or damaged; a file cannot be written. ConflictError: the store is not empty. StoreError: the store does not
+    answer, or the backup's version is not known."""
     with unpacked(backup) as (manifest, copied):
         with store.read_transaction() as tx:
             _refuse_unless_empty(tx, store)

@@ -1,8 +1,6 @@
-"""The store's database: opening, upgrade and transactions.
-
-SQLite: one writer at a time, taken at the beginning of a transaction, so that none fails half way; every commit is on
-the disk before it returns (WAL, synchronous FULL). PostgreSQL: rows are locked when they are read for a change.
-"""
+"""The store's database: opening, upgrade and transactions. SQLite: one writer at a time, taken at the beginning of a
+transaction, so that none fails half way; every commit is on the disk before it returns (WAL, synchronous FULL).
+PostgreSQL: rows are locked when they are read for a change."""
 
 from __future__ import annotations
 
@@ -93,8 +91,7 @@ class Transaction:
         return self.execute(statement, row).one_or_none() is not None
 
 
-def utc_now() -> datetime:
-    """The present time, UTC."""
+def _utc_now() -> datetime:
     return datetime.now(UTC)
 
 
@@ -116,14 +113,10 @@ class Database:
         self.write_failed = False
 
     @classmethod
-    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Self:
+    def open(cls, url: str, *, now: Callable[[], datetime] = _utc_now, as_it_is: bool = False) -> Self:
         """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date,
-        or with `as_it_is` change nothing.
-
-        Raises:
-            StoreError: it cannot be opened, or its version is not known; with `as_it_is` also one that is not there, or
-                of an older version.
-        """
+        or with `as_it_is` change nothing. Raises StoreError: it cannot be opened, or its version is not known; with
+        `as_it_is` also one that is not there, or of an older version."""
         parsed = _checked_url(url)
         shown = parsed.render_as_string(hide_password=True)
         with _store_errors(shown), contextlib.ExitStack() as held:
@@ -189,10 +182,8 @@ class Database:
                 raise
 
     def check_writable(self) -> None:
-        """Check that parts can be written: by the database's state, and after a failed write by a write.
-
-        Raises UnwritableError: it is read-only, or another program has locked the parts. StoreError: another reason.
-        """
+        """Check that parts can be written: by the database's state, and after a failed write by a write. Raises
+        UnwritableError: it is read-only, or another program has locked the parts. StoreError: another reason."""
         failed = self.write_failed
         with self._write_transaction() as tx:  # of SQLite this tells whether the file can be written
             if tx.postgresql:

@@ -97,9 +97,7 @@ class EvidenceFolder:
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
         """Move a file of `incoming` into the folder, where it survives a power cut. Raises FileError: it cannot.
-
-        Returns its SHA-256 in hexadecimal (computed if not given), and its length in bytes.
-        """
+        Returns its SHA-256 in hexadecimal (computed if not given), and its length in bytes."""
         with file_errors(path):
             with open_no_link(path) as stream:
                 handle = stream.fileno()
@@ -123,7 +121,6 @@ class EvidenceFolder:
         return sha256, n_bytes
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
-        """Write content to a file and keep it, as `keep` does."""
         with file_errors(self.incoming):
             handle, name = tempfile.mkstemp(dir=self.incoming)
             try:
@@ -140,7 +137,6 @@ class EvidenceFolder:
         ]
 
     def path(self, sha256: str) -> Path:
-        """Path for the file with that hash, whether it exists or not. Raises ValueError: no hash."""
         if _HASH.fullmatch(sha256) is None:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
@@ -201,9 +197,7 @@ class EvidenceFolder:
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
         """Remove files that no part needs, and everything in `incoming`, which a crash has left; return their number.
-
-        Files younger than `older_than_s` stay: they may still be written.
-        """
+        Files younger than `older_than_s` stay: they may still be written."""
         latest_s = time.time() - older_than_s
         n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
         for names in self.hashes(before_s=latest_s):
@@ -263,10 +257,8 @@ def file_errors(path: Path) -> Iterator[None]:
 
 @dataclass
 class SweepClock:
-    """Check before every sweep that the clock has not jumped ahead, which would make files look old.
-
-    `file` has the time of the last sweep as its own; `trouble` says why nothing is swept, without paths.
-    """
+    """Check before every sweep that the clock has not jumped ahead, which would make files look old. `file` has the
+    time of the last sweep as its own; `trouble` says why nothing is swept, without paths."""
 
     file: Path
     wall_s: Callable[[], float] = time.time
@@ -275,10 +267,8 @@ class SweepClock:
     _before: tuple[float, float] | None = field(default=None, init=False)
 
     def may_sweep(self, newest: datetime | None) -> bool:
-        """Whether to sweep now; if so, the time is recorded. Raises OSError: it cannot be.
-
-        Before the first sweep the clock is judged by `newest`, the time of the latest part.
-        """
+        """Whether to sweep now; if so, the time is recorded. Raises OSError: it cannot be. Before the first sweep the
+        clock is judged by `newest`, the time of the latest part."""
         now_s = self.wall_s()
         before, self._before = self._before, (now_s, self.monotonic_s())
         if not self.file.exists():

@@ -38,11 +38,11 @@ def find_parts(
     tx: Transaction,
     *,
     state: PartState | None = None,
-    agreement: Agreement | None = None,
-    would_be: PartState | None = None,
+    agreement: Agreement | None = None,  # with the line's own reader, of parts read in shadow mode
+    would_be: PartState | None = None,  # their state outside shadow mode
     text: str = "",
     name: str = "",
-    whole_name: bool = False,
+    whole_name: bool = False,  # the name is the whole one
     job: str = "",
     line: str = "",
     since: datetime | None = None,
@@ -50,13 +50,7 @@ def find_parts(
     before: str | None = None,
     limit: int = 50,
 ) -> tuple[PartRecord, ...]:
-    """Parts, newest first, before the part with the id `before`; they contain `text` and `name` in either case.
-
-    Args:
-        agreement: with the line's own reader, of parts read in shadow mode.
-        would_be: state that they would have outside shadow mode.
-        whole_name: the name is the whole one.
-    """
+    """Parts, newest first, before the part with the id `before`; they contain `text` and `name` in either case."""
     same = {"state": state, "agreement": agreement, "would_be": would_be, "job": job, "line": line}
     wanted = [parts.c[column] == fit(value, "what is sought") for column, value in same.items() if value]
     # not LIKE: nothing in what is sought has a meaning of its own
@@ -93,10 +87,8 @@ def queue_length(tx: Transaction, *, audits: bool = False) -> int:
 def next_in_queue(
     tx: Transaction, after: str | None = None, *, person: Person | None = None, audits: bool = False
 ) -> PartRecord | None:
-    """The oldest part to review, or to audit, after that one, otherwise the oldest, otherwise None.
-
-    Parts that another reader has open, or that need another reader than `person`, are skipped.
-    """
+    """The oldest part to review, or to audit, after that one, otherwise the oldest, otherwise None. Parts that another
+    reader has open, or that need another reader than `person`, are skipped."""
     free = _IDS.where(_awaits(audits)).order_by(parts.c.id).limit(1)
     if person is not None:
         free = free.where(

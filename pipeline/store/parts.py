@@ -61,29 +61,20 @@ _READ, _DECISION = (parts.c.record["reading", name].as_string() for name in ("te
 
 
 class Added(TypedDict, total=False):
-    """Data added to a part in one transaction.
-
-    Attributes:
-        readings: the last one counts.
-        plan: plan to scan; with a reading by touch it says that the part was scanned because of it.
-        touch: way in which a new part waits, with TOUCH_NEEDED.
-        not_felt: reason why a new part is not felt though the camera is unsure.
-        targets: targets to publish to, also that touch is needed.
-        audit: have a person read it as well, if it is accepted.
-        rules: checks of its serial, if it is accepted; a failed one sends it to review.
-    """
+    """Data added to a part in one transaction."""
 
     state: Required[PartState]
-    readings: Sequence[ReadingRecord]
+    readings: Sequence[ReadingRecord]  # the last one counts
     evidence: Sequence[EvidenceRecord]
+    # to scan; with a reading by touch it says that the part was scanned because of it
     plan: ScanPlanRecord | None
-    touch: TouchWait
-    not_felt: str
-    targets: Sequence[str]
+    touch: TouchWait  # way in which a new part waits, with TOUCH_NEEDED
+    not_felt: str  # reason why a new part is not felt though the camera is unsure
+    targets: Sequence[str]  # to publish to, also that touch is needed
     idempotency: IdempotencyKey | None
     shadow: ShadowRecord | None
-    audit: bool
-    rules: SerialRules
+    audit: bool  # have a person read it as well, if it is accepted
+    rules: SerialRules  # checks of its serial, if it is accepted; a failed one sends it to review
 
 
 def add_part(
@@ -228,16 +219,11 @@ def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[
 
 @dataclass(frozen=True)
 class IdempotencyKey:
-    """Key by which a repeated request is recognised.
+    """Key by which a repeated request is recognised."""
 
-    Attributes:
-        key: of the request, with its caller.
-        fingerprint: hash of its content: another fingerprint under the same key is another request.
-        files: keys of its files, which stand for its part from then on; one that stands for another part stays with it.
-    """
-
-    key: str
-    fingerprint: str
+    key: str  # of the request, with its caller
+    fingerprint: str  # hash of its content: another one under the same key is another request
+    # keys of its files, which stand for its part from then on; one that stands for another part stays with it
     files: tuple[str, ...] = ()
 
     @classmethod

@@ -109,25 +109,18 @@ def review(
     *,
     person: Person,
     action: ReviewAction,
-    text: str = "",
+    text: str = "",  # the correct one; to confirm, the present one or an empty one
     note: str = "",
-    before: str | None = None,
+    before: str | None = None,  # text that the person saw
     targets: Sequence[str] = (),
     readers: int = 1,
-    audit: bool = False,
+    audit: bool = False,  # the accepted text was not shown; only if the texts differ, the part goes to review
 ) -> PartRecord:
     """Store a person's review of a part; a later review does not delete earlier ones.
 
     With two readers a part is reviewed when two people agree; until then it waits for review, its text as it was read.
-
-    Args:
-        text: the correct text; to confirm, the present text or an empty one.
-        before: the text that the person saw.
-        audit: the person has not seen the accepted text; the part goes to review only if the two texts differ.
-
-    Raises:
-        ConflictError: the text has changed since the person saw it, or the part does not wait for an audit.
-        ClaimedError: another person has claimed the part.
+    Raises ConflictError: the text has changed since the person saw it, or the part does not wait for an audit.
+    ClaimedError: another person has claimed the part.
     """
     part = part_by_id(tx, part_id, lock=True)
     if audit and not _awaits_audit(tx, part_id):

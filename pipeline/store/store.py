@@ -1,8 +1,6 @@
-"""The store: all data of the service, in SQLite or PostgreSQL.
-
-An operation is a function that takes a transaction, in the module of its tables. Here each becomes a method of `Store`
-with the same other arguments. Threads and processes may share a store.
-"""
+"""The store: all data of the service, in SQLite or PostgreSQL. An operation is a function that takes a transaction, in
+the module of its tables. Here each becomes a method of `Store` with the same other arguments. Threads and processes may
+share a store."""
 
 from __future__ import annotations
 

@@ -29,15 +29,7 @@ _SOON_S = 0.002
 
 
 class WorkerLostError(MarksError):
-    """The worker of a task ended before the task did.
-
-    Attributes:
-        timed_out: the task exceeded its time limit; another try would hardly help.
-        starved: the worker got little of a core until then, so that another try may help.
-        crashed: the worker crashed, rather than being killed from outside.
-        unstarted: no worker has begun the task, because none can start.
-        tried: the task was retried already; another try is useful only if others were lost with it.
-    """
+    """The worker of a task ended before the task did."""
 
     is_usage = False
 
@@ -45,11 +37,11 @@ class WorkerLostError(MarksError):
         self,
         what: str,
         *,
-        timed_out: bool = False,
-        starved: bool = False,
-        crashed: bool = False,
-        unstarted: bool = False,
-        tried: bool = False,
+        timed_out: bool = False,  # the task exceeded its time limit; another try would hardly help
+        starved: bool = False,  # the worker got little of a core until then, so that another try may help
+        crashed: bool = False,  # rather than being killed from outside
+        unstarted: bool = False,  # no worker has begun the task, because none can start
+        tried: bool = False,  # it was retried already; another try is useful only if others were lost with it
     ) -> None:
         super().__init__(what)
         self.timed_out, self.starved = timed_out, starved
@@ -68,9 +60,7 @@ class Outcome(Generic[T, R]):
 
 class Executor:
     """Call a function for many tasks, about `workers` at once, in this process; subclasses use a pool or a cluster.
-
-    Workers that are `remote`, on other machines, lack this one's files.
-    """
+    Workers that are `remote`, on other machines, lack this one's files."""
 
     workers = 1
     remote = False

@@ -73,21 +73,13 @@ class WorkPool(Executor):
         self,
         workers: int,
         *,
-        queue: int | None = None,
-        timeout_s: float = PART_TIMEOUT_S,
-        memory_mb: int | None = None,
-        warm_up: Callable[[], object] = bool,
-        at_once: bool = True,
+        queue: int | None = None,  # waiting jobs, at most (default: enough to keep the workers busy)
+        timeout_s: float = PART_TIMEOUT_S,  # longest time of a job; its process is then replaced
+        memory_mb: int | None = None,  # limit of a worker; 0: none (default: its share of the machine's)
+        warm_up: Callable[[], object] = bool,  # picklable; every worker calls it before its first job
+        at_once: bool = True,  # start all processes now; else when there are jobs for them
     ) -> None:
-        """Start the workers; they warm up in the background, see `ready`. Raises SettingsError: invalid numbers.
-
-        Args:
-            queue: maximum number of waiting jobs (default: enough to keep the workers busy).
-            timeout_s: longest time of a job; its process is then replaced.
-            memory_mb: memory limit of a worker; 0: no limit (default: its share of the machine's).
-            warm_up: picklable function that every worker calls before its first job.
-            at_once: whether to start all processes now; else they start when there are jobs for them.
-        """
+        """Start the workers; they warm up in the background, see `ready`. Raises SettingsError: invalid numbers."""
         queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
             raise SettingsError(
@@ -115,9 +107,7 @@ class WorkPool(Executor):
 
     def call(self, function: Callable[..., Any], *args: Any, free_s: float, timeout_s: float) -> Any:
         """Let a worker call the function before all waiting jobs, for at most `timeout_s`, and return its result.
-
-        Raises BusyError: the queue is full, or no worker was free within `free_s`. WorkerLostError. What it raises.
-        """
+        Raises BusyError: the queue is full, or no worker was free within `free_s`. WorkerLostError. What it raises."""
         future = self.submit(function, *args, timeout_s=timeout_s, first=True)
         with suppress(TimeoutError):
             return future.result(free_s)
@@ -135,11 +125,9 @@ class WorkPool(Executor):
         timeout_s: float | None = None,
         first: bool = False,
     ) -> Future[Any]:
-        """Let a worker call the function, before the waiting jobs with `first`; the future cannot be cancelled.
-
-        The future has its result, its exception or WorkerLostError. `timeout_s` is that of the pool by default.
-        Raises BusyError: the queue is full. WorkerLostError: the pool is closed.
-        """
+        """Let a worker call the function, before the waiting jobs with `first`; the future cannot be cancelled. The
+        future has its result, its exception or WorkerLostError. `timeout_s` is that of the pool by default. Raises
+        BusyError: the queue is full. WorkerLostError: the pool is closed."""
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         try:

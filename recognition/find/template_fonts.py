@@ -37,6 +37,8 @@ class MatchingLimits:
     size_step: float = 1.1
     first_sizes: int = 3
     most_sizes: int = 9
+    # share of what the best size, or line in another layout, explains from which another one is looked at
+    least_explained: float = 0.6
     most_lines: int = 3
     apart_heights: float = 1.1
     # margin that is read before and after a line, in case it has more characters; character heights

@@ -2,6 +2,8 @@
 
 view --every size, coarsely--> responses of all templates --rows and sizes that they explain most--> best rows
 best row --finer--> chain, its spacing --> candidate --finest, every template in every cell--> Steps --> ReadLine
+
+What explains far less than the best is not looked at more finely, and no line is compared twice.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, template_key
 from recognition.recogniser.read_line import ReadLine, combine_looks
 from recognition.recogniser.steps import Steps
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.see.view import View
 from whisker_array.whisker.touch import Touch, default_touch
 
 
@@ -42,7 +45,9 @@ from whisker_array.whisker.touch import Touch, default_touch
 class TemplateSearch(Search):
     """Search that uses only the templates of fonts; a look compares a line with those of one font and style."""
 
-    _ranked: dict[tuple[int, str, MarkStyle], list[_Size]] = field(repr=False, default_factory=dict)
+    _ranked: dict[tuple[View, str, MarkStyle], list[_Size]] = field(repr=False, default_factory=dict)
+    _placed: dict[tuple[object, ...], _PlacedLine] = field(repr=False, default_factory=dict)
+    _looked: dict[tuple[object, ...], ReadLine | None] = field(repr=False, default_factory=dict)
 
     @property
     def _fonts(self) -> TemplateFonts:
@@ -81,9 +86,25 @@ class TemplateSearch(Search):
     def read(
         self, lines: Iterable[TextLine], *, cheap: bool = False, like: ReadLine | None = None
     ) -> list[ReadLine]:
-        """Read each line in each style; the most promising comes first."""
+        """Read each line in each style, most promising first; a cheap look leaves out lines that explain little."""
         lines = list(lines)
+        if cheap and self.request.grammar is not None:
+            lines = [line for line in lines if self._explains_enough(line)]
         return self._until_sure((style, lines) for style in self._likely_styles())
+
+    def _explains_enough(self, line: TextLine) -> bool:
+        pixels, least = self._fonts.matching.coarse_pixels, self._least_total()
+        return any(
+            self._place(line, font, self._glyphs(font, style, line.height_mm, pixels=pixels)).total >= least
+            for style in self._likely_styles()
+            for font in self._fonts.in_style(style)
+        )
+
+    def _least_total(self) -> float:
+        """Total of a coarse chain from which it may read better than the best one so far."""
+        matching = self._fonts.matching
+        coarse = [row.total for row in self._placed.values() if row.glyphs.pixels == matching.coarse_pixels]
+        return matching.least_explained * max([0.0, *coarse])
 
     def _until_sure(self, tries: Iterable[tuple[MarkStyle, Sequence[TextLine]]]) -> list[ReadLine]:
         lines: list[ReadLine] = []
@@ -126,11 +147,13 @@ class TemplateSearch(Search):
         return lines[: self._fonts.matching.most_lines]
 
     def _sizes(self, font: Font, style: MarkStyle) -> list[_Size]:
-        """Character heights, first the one whose templates explain most along any row of the view."""
-        key = id(self.view), font.name, style
+        """Character heights worth a look, first the one whose templates explain most along any row of the view."""
+        key = self.view, font.name, style
         if key not in self._ranked:
             sizes = [self._sketch(height_mm, font, style) for height_mm in self._ladder_mm()]
-            self._ranked[key] = sorted(sizes, key=lambda size: -size.explained_mm)
+            least = self._fonts.matching.least_explained * max(size.explained_mm for size in sizes)
+            worth = [size for size in sizes if size.explained_mm >= least]
+            self._ranked[key] = sorted(worth, key=lambda size: -size.explained_mm)
         return self._ranked[key]
 
     def _likely_styles(self, *, least_share: float = 0.8) -> list[MarkStyle]:
@@ -186,6 +209,12 @@ class TemplateSearch(Search):
 
     def _look(self, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
         self.looks.count += 1
+        key = *self._key(line), font.name, style
+        if key not in self._looked:
+            self._looked[key] = self._read_line(line, font, style)
+        return self._looked[key]
+
+    def _read_line(self, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
         matching = self._fonts.matching
         glyphs = self._glyphs(font, style, line.height_mm, pixels=matching.fine_pixels, touch=self.view.touch)
         best = self._place(line, font, glyphs)
@@ -209,7 +238,16 @@ class TemplateSearch(Search):
         steps = steps_of(cells, glyphs.chars, columns, chars=self.request.chars, rare=self.request.rare)
         return combine_looks(best.line, [steps], self.request.grammar)
 
-    def _place(
+    def _key(self, line: TextLine) -> tuple[object, ...]:
+        return self.view, line.centre_mm.tobytes(), line.height_mm, self.request.grammar
+
+    def _place(self, line: TextLine, font: Font, glyphs: GlyphImages) -> _PlacedLine:
+        key = *self._key(line), glyphs
+        if key not in self._placed:
+            self._placed[key] = self._place_anew(line, font, glyphs)
+        return self._placed[key]
+
+    def _place_anew(
         self, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3
     ) -> _PlacedLine:
         pixels, beyond = glyphs.pixels, self._fonts.matching.beyond_heights

@@ -13,13 +13,16 @@ so that it is about 0 on bare land.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, lru_cache, partial
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.special import expit, softmax
 
 from glyphs.fonts.glyph import Font
@@ -31,6 +34,8 @@ from recognition.see.text_line import HEIGHT_ROWS, TextLine
 from recognition.see.view import EDGES, KNOWN, View
 
 Image: TypeAlias = NDArray[np.float32]
+LEAST_FELT = 0.1
+"""Share of a template's amplitude below which a felt pattern counts as land."""
 SMOOTH = 0.4
 """Standard deviation of the smoothing of felt and predicted maps before they are sampled, pixels."""
 
@@ -44,6 +49,11 @@ class GlyphImages:
     images: tuple[Image, ...]
     half_cols: NDArray[np.int64]
     pixels: int
+
+    @cached_property
+    def reach(self) -> tuple[int, int]:
+        """Rows and columns of the largest template above and beside its middle; all have as many rows."""
+        return self.images[0].shape[0] // 2, max(image.shape[1] // 2 for image in self.images)
 
 
 def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: int) -> Image:
@@ -84,29 +94,87 @@ def _glyph_images(templates: TemplateSet, pixels: int, margin_heights: float) ->
 
 def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
     """(T, rows, columns) correlation of every template centred at every pixel of some rows of an image."""
-    up, side = (max(template.shape[k] // 2 for template in glyphs.images) for k in (0, 1))
+    up, side = glyphs.reach
     padded = np.pad(image, ((up, up), (side, side), (0, 0)))[rows.start : rows.stop + 2 * up]
+    felt = _felt_layers(padded)
+    layers = np.ascontiguousarray(padded[..., felt].transpose(2, 0, 1))
+    # in tiles of few sizes, so that all lines share the templates' spectra: 40 rows hold a line of 16 pixels
+    tile = _doubled(40, min(layers.shape[1], 2.5 * up)), _doubled(8 * glyphs.pixels, 2.5 * side)
+    spectra, sizes = _spectra(glyphs, tile)
     correlations = np.empty((len(glyphs.images), rows.stop - rows.start, image.shape[1]), dtype=np.float32)
-    for high, wide in {(template.shape[0] // 2, template.shape[1] // 2) for template in glyphs.images}:
-        window = padded[up - high : len(padded) - up + high, side - wide : padded.shape[1] - side + wide]
-        alike = [k for k, template in enumerate(glyphs.images) if template.shape[1] == 2 * wide + 1]
-        correlations[alike] = correlate(window, [glyphs.images[k] for k in alike])
+    tall, wide = tile[0] - 2 * up, tile[1] - 2 * side
+    for top, left in product(range(0, correlations.shape[1], tall), range(0, correlations.shape[2], wide)):
+        filled = correlations[:, top : top + tall, left : left + wide]
+        together = np.zeros(spectra.shape[1:], dtype=np.complex64)
+        for layer, seen in zip(felt, layers[:, top : top + tile[0], left : left + tile[1]], strict=True):
+            together += spectra[layer] * fft.rfft2(seen, s=tile)
+        across = fft.ifft(together, axis=1, overwrite_x=True)[:, : filled.shape[1]]
+        filled[:] = fft.irfft(across, n=tile[1])[..., : filled.shape[2]]
+    sizes = sizes[felt].sum(axis=0)
+    widths = np.array([template.shape[1] for template in glyphs.images])
+    for width, energy in _energies(layers, 2 * up + 1, np.unique(widths)):
+        first = side - width // 2
+        energy = energy[:, first : first + image.shape[1]]
+        for k in np.flatnonzero(widths == width):
+            correlations[k] /= _norm(float(sizes[k]), energy)
     return correlations
+
+
+@lru_cache(maxsize=12)  # those of one part, 3 to 12 MB each
+def _spectra(
+    glyphs: GlyphImages, shape: tuple[int, int]
+) -> tuple[NDArray[np.complex64], NDArray[np.float64]]:
+    """(layers, T, rows, columns) spectra of the templates about their means, and (layers, T) their energies."""
+    up, side = glyphs.reach
+    about_mean = [template - template.mean(axis=(0, 1)) for template in glyphs.images]
+    padded = np.zeros((glyphs.images[0].shape[2], len(about_mean), *shape), dtype=np.float32)
+    for k, template in enumerate(about_mean):
+        first = side - template.shape[1] // 2
+        padded[:, k, : 2 * up + 1, first : first + template.shape[1]] = template.transpose(2, 0, 1)
+    energies = np.array([np.square(template, dtype=np.float64).sum(axis=(0, 1)) for template in about_mean])
+    spectra = fft.rfft2(padded, overwrite_x=True)
+    return np.conj(spectra, out=spectra), energies.T
+
+
+def _energies(
+    layers: Image, rows: int, widths: NDArray[np.int64]
+) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Each width with the energy about the mean of all windows of so many rows and columns."""
+    from glyphs.opencv import cv2
+
+    tables = np.array([cv2.integral(layer) for layer in (*layers, np.square(layers).sum(axis=0))])
+    tall = tables[:, rows:] - tables[:, :-rows]
+    for width in widths.tolist():
+        *sums, total = tall[..., width:] - tall[..., :-width]
+        about_mean = total - sum(map(np.square, sums)) / (rows * width)
+        yield width, np.maximum(about_mean, 0.0).astype(np.float32)
+
+
+def _doubled(size: int, least: float) -> int:
+    return size if size >= least else _doubled(2 * size, least)
+
+
+def _felt_layers(image: Image) -> NDArray[np.intp]:
+    """Layers that are not zero everywhere, such as directions that were not felt; at least one."""
+    felt = np.flatnonzero(np.abs(image).max(axis=(0, 1)))
+    return felt if felt.size else np.arange(1)
+
+
+def _norm(size: float, energy: NDArray[np.float32], *, least_felt: float = LEAST_FELT) -> NDArray[np.float32]:
+    size += 1e-9  # above 0 where a template predicts nothing
+    return np.asarray(np.sqrt(size * (energy + least_felt**2 * size)))
 
 
 def correlate(
     image: Image,
     templates: Sequence[Image],
     *,
-    least_felt: float = 0.1,  # share of a template's amplitude below which a felt pattern counts as land
+    least_felt: float = LEAST_FELT,
 ) -> Image:
     """(T, rows, columns) normalised correlation of templates of one size at all positions within an image."""
     from glyphs.opencv import cv2
 
-    # layers that are zero everywhere, such as directions that were not felt, are left out of both
-    known = np.flatnonzero(np.abs(image).max(axis=(0, 1)))
-    if not known.size:
-        known = np.arange(1)
+    known = _felt_layers(image)
     image = np.ascontiguousarray(image[..., known])
     energy = _energy(image, *templates[0].shape[:2])
     correlations = np.empty((len(templates), *energy.shape), dtype=np.float32)
@@ -210,7 +278,22 @@ def cell_correlations(
         tall, first = template.shape[0] // 2, column - low - template.shape[1] // 2
         seen = template[:, max(0, -first) : max(0, min(template.shape[1], end - low - first))]
         cell[high - tall : high + tall + 1, max(0, first) : max(0, first) + seen.shape[1]] = seen
-    return np.asarray(correlate(window, list(cells)).max(axis=(1, 2)), dtype=np.float64)
+    return np.asarray(_correlate_cells(window, cells).max(axis=(1, 2)), dtype=np.float64)
+
+
+def _correlate_cells(image: Image, cells: Image) -> Image:
+    """(T, rows, columns) as `correlate`, of templates that have few positions within the image."""
+    felt = _felt_layers(image)
+    layers = np.ascontiguousarray(image[..., felt].transpose(2, 0, 1))
+    rows, columns = cells.shape[1:3]
+    windows = sliding_window_view(layers, (rows, columns), axis=(1, 2)).transpose(1, 2, 0, 3, 4)
+    about_mean = (cells - cells.mean(axis=(1, 2), keepdims=True))[..., felt].transpose(0, 3, 1, 2)
+    templates = about_mean.reshape(len(cells), -1)
+    products = windows.reshape(-1, templates.shape[1]) @ templates.T
+    ((_, energy),) = _energies(layers, rows, np.array([columns]))
+    sizes = np.square(templates, dtype=np.float64).sum(axis=1)
+    norms = np.array([_norm(size, energy) for size in sizes.tolist()])
+    return np.asarray(products.T.reshape(norms.shape) / norms)
 
 
 def steps_of(

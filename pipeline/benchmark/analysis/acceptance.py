@@ -1,8 +1,4 @@
-"""Acceptance at a risk, by one procedure for every reader, ours and others.
-
-trials of all soils but one --threshold_tests--> least confidence that keeps the risk
-trials of the soil left out -----------------------------------------> accepted, and of these wrong
-"""
+"""Acceptance at a risk, by one procedure for every reader, ours and others."""
 
 from __future__ import annotations
 
@@ -18,18 +14,13 @@ from pipeline.common.shares import Share, share
 
 @dataclass(frozen=True)
 class RiskAcceptance:
-    """Readings that a reader accepts at a threshold fitted to other parts.
-
-    Attributes:
-        wrong_of_accepted: with exact one-sided bounds.
-        least: thresholds of the fits, the most lenient and the strictest.
-    """
+    """Readings that a reader accepts at a threshold fitted to other parts."""
 
     key: GroupKey
     risk: float
     accepted: Share
-    wrong_of_accepted: Share
-    least: tuple[float, float]
+    wrong_of_accepted: Share  # with exact one-sided bounds
+    least: tuple[float, float]  # thresholds of the fits, the most lenient and the strictest
 
 
 def acceptance_at_risks(
@@ -39,10 +30,8 @@ def acceptance_at_risks(
     confidence: float = 0.95,
     left_out: str = "soil",
 ) -> Iterator[RiskAcceptance]:
-    """What each group of trials of one mode accepts at each risk that its trials can prove.
-
-    The levels of the factor `left_out` are left out in turn; groups with one level are passed over.
-    """
+    """What each group of trials of one mode accepts at each risk that its trials can prove. The levels of the factor
+    `left_out` are left out in turn; groups with one level are passed over."""
     for key, trials in groups:
         levels = dict.fromkeys(level_of(trial, left_out) for trial in trials)
         for risk in risks if len(levels) > 1 else ():

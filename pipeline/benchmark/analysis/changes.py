@@ -1,8 +1,4 @@
-"""Compare two benchmarks of the same parts, reading by reading.
-
-trials A --+--same part, reader, facts--> pairs --+--> comparisons, over all and by factor
-trials B --+                                      +--> flips: readings whose answer or decision changed
-"""
+"""Compare two benchmarks of the same parts, reading by reading."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Paired readings of the same parts: by two readers, by one reader with more or fewer facts, perturbed or not.
-
-part --read by one reader, and by another--> comparison: McNemar's test of serials, permutation test of characters
-     --read unperturbed, and perturbed-----> stability: flips; a fault if both are accepted and differ
-"""
+"""Paired readings of the same parts: by two readers, by one reader with more or fewer facts, perturbed or not."""
 
 from __future__ import annotations
 
@@ -119,21 +115,14 @@ class Fault:
 
 @dataclass(frozen=True)
 class Stability:
-    """Flips of the parts of one reader under one perturbation.
-
-    Attributes:
-        perturbation: empty: any of them, each part counted once.
-        verdicts: share of parts with another decision, where an error counts as a decision.
-        accepted_texts: share of the parts accepted unperturbed that were read with another text.
-        faults: parts accepted both times, with different texts.
-    """
+    """Flips of the parts of one reader under one perturbation."""
 
     key: GroupKey
-    perturbation: str
-    verdicts: Share
+    perturbation: str  # empty: any of them, each part counted once
+    verdicts: Share  # share of parts with another decision, where an error counts as a decision
     texts: Share
-    accepted_texts: Share
-    faults: tuple[Fault, ...]
+    accepted_texts: Share  # share of the parts accepted unperturbed that were read with another text
+    faults: tuple[Fault, ...]  # parts accepted both times, with different texts
 
 
 def unperturbed(trials: Sequence[Trial]) -> list[Trial]:

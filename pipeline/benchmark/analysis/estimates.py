@@ -48,22 +48,17 @@ def exact_share(count: int, total: int) -> Share:
 
 
 def resample(
-    counts: NDArray[np.float64],
+    counts: NDArray[np.float64],  # (parts, columns), of every part
     statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     *,
-    parts: int | None = None,
-    least: float = 0.0,
+    parts: int | None = None,  # that the statistic is about (default: all)
+    least: float = 0.0,  # value of a part; the greatest is 1
 ) -> Estimate:
     """Estimate a statistic of sums over parts; the interval resamples whole parts (BCa bootstrap, Efron 1987).
 
     If all parts agree, resampling shows nothing. Then the share of parts that differ is at most Wilson's bound for none
-    of these parts, and the interval has their least and greatest value there.
-
-    Args:
-        counts: (parts, columns) counts of every part.
-        statistic: function of sums of counts, (draws, columns), that returns (draws,) values, NaN if undefined.
-        parts: number of parts that the statistic is about (default: all).
-        least: least value of a part; the greatest is 1.
+    of these parts, and the interval has their least and greatest value there. `statistic` turns sums of counts, (draws,
+    columns), into (draws,) values, NaN if undefined.
     """
     from scipy.special import ndtr, ndtri
 
@@ -93,9 +88,7 @@ def ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def bootstrap_share(right: Sequence[float], total: Sequence[int], *, least: float = 0.0) -> Estimate:
     """A share of characters with its 95 % interval; those of one part share its dirt, so whole parts are resampled.
-
-    `right` and `total` are (parts,); for a difference of two readers the least share of a part is -1.
-    """
+    `right` and `total` are (parts,); for a difference of two readers the least share of a part is -1."""
     return (
         resample(np.array([right, total], dtype=np.float64).T, ratio, least=least)
         if sum(total)
@@ -105,14 +98,11 @@ def bootstrap_share(right: Sequence[float], total: Sequence[int], *, least: floa
 
 @dataclass(frozen=True)
 class SerialTest:
-    """McNemar's exact test: parts that only the first, or only the second mode read right.
-
-    `p_differ` is the two-sided probability of a split at least as uneven, if both are equally good.
-    """
+    """McNemar's exact test: parts that only the first, or only the second mode read right."""
 
     only_first: int
     only_second: int
-    p_differ: float
+    p_differ: float  # two-sided, of a split at least as uneven, if both are equally good
 
 
 def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
@@ -127,13 +117,10 @@ def mcnemar(first: Sequence[bool], second: Sequence[bool]) -> SerialTest:
 
 @dataclass(frozen=True)
 class CharacterTest:
-    """Difference of two modes' shares of characters right, by resampling whole parts.
-
-    `p_differ` is the two-sided probability of one at least as large, if the modes are exchangeable on every part.
-    """
+    """Difference of two modes' shares of characters right, by resampling whole parts."""
 
     difference: Estimate
-    p_differ: float
+    p_differ: float  # two-sided, of one at least as large, if the modes are exchangeable on every part
 
 
 def compare_characters(

@@ -33,15 +33,12 @@ class LevelEffect:
 
 @dataclass(frozen=True)
 class FactorEffect:
-    """Effect of one factor on one mode: its levels, the costliest first.
-
-    `p_matters` is the probability of such effects if the factor had none, corrected for the mode's factors (Holm).
-    """
+    """Effect of one factor on one mode: its levels, the costliest first."""
 
     factor: str
     mode: str
     levels: tuple[LevelEffect, ...]
-    p_matters: float
+    p_matters: float  # of such effects if the factor had none, corrected for the mode's factors (Holm)
 
     @property
     def spread(self) -> float:

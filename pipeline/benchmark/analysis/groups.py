@@ -94,33 +94,23 @@ def group_trials(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[G
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The figures of a group.
-
-    Attributes:
-        character_error_rate: edits per stamped character (CER); above 1 if far more is read than was stamped.
-        place_error_rate: share of stamped characters that the text does not have at the same place.
-        characters_by_part: share of characters right, with a 95 % interval from resampling whole parts.
-        split: number of parts by outcome, see `FATES`.
-        wrong_of_accepted: with exact one-sided bounds.
-        seconds: (median, 95th percentile) of the times in `TIMES`.
-        stage_s: mean scan time of the real array.
-    """
+    """The figures of a group."""
 
     key: GroupKey
     serials: Share
     characters: Share
-    character_error_rate: float
-    place_error_rate: float
-    characters_by_part: Estimate
-    split: dict[str, int]
+    character_error_rate: float  # edits per stamped character (CER); above 1 if far more is read
+    place_error_rate: float  # share of stamped characters that the text does not have at the same place
+    characters_by_part: Estimate  # share right, with a 95 % interval from resampling whole parts
+    split: dict[str, int]  # number of parts by outcome, see `FATES`
     accepted: Share
-    wrong_of_accepted: Share
+    wrong_of_accepted: Share  # with exact one-sided bounds
     risk: RiskCoverage
     serial_reliability: Reliability
     character_reliability: Reliability
     confused: Counter[tuple[str, str]]
-    seconds: dict[str, tuple[float, float]]
-    stage_s: float
+    seconds: dict[str, tuple[float, float]]  # (median, 95th percentile) of the times in `TIMES`
+    stage_s: float  # mean scan time of the real array
 
 
 def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:

@@ -40,20 +40,14 @@ from pipeline.common.shares import Share
 
 @dataclass(frozen=True)
 class Headline:
-    """Figures of one mode over all dirt; clean parts apart, as in ImageNet-C (Hendrycks and Dietterich 2019).
-
-    Attributes:
-        clean: share of characters right of the parts without dirt.
-        characters: share of characters right, mean over the severities of dirt, as those of serials and parts accepted.
-        relative_error: edits over those of the baseline reader, mean over soils (the mCE there).
-    """
+    """Figures of one mode over all dirt; clean parts apart, as in ImageNet-C (Hendrycks and Dietterich 2019)."""
 
     key: GroupKey
-    clean: float | None
-    characters: float
+    clean: float | None  # share of characters right of the parts without dirt
+    characters: float  # share right, mean over the severities of dirt, as those of serials and parts accepted
     serials: float
     accepted: float
-    relative_error: float | None
+    relative_error: float | None  # edits over those of the baseline reader, mean over soils (the mCE there)
 
 
 def headlines_of(
@@ -82,27 +76,20 @@ def headlines_of(
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """All statistics. If readers were given several sets of facts, each group has one set; effects mix them.
-
-    Attributes:
-        crossed: factors that make up the cells.
-        cells: one group for each combination of mode, crossed factors and given facts.
-        comparisons: readers compared on the same parts: over all parts, then at every severity.
-        knowledge: each reader compared with itself when it knew fewer facts.
-        at_risk: what each mode accepts at a risk, with a threshold fitted to other soils.
-    """
+    """All statistics. If readers were given several sets of facts, each group has one set; effects mix them."""
 
     levels: dict[str, tuple[Level, ...]]
     given: tuple[str, ...]
-    crossed: tuple[str, ...]
-    cells: tuple[Group, ...]
+    crossed: tuple[str, ...]  # factors that make up the cells
+    cells: tuple[Group, ...]  # one for each combination of mode, crossed factors and given facts
     by_severity: tuple[Group, ...]
     by_mode: tuple[Group, ...]
     headlines: tuple[Headline, ...]
     effects: tuple[FactorEffect, ...]
-    comparisons: tuple[Comparison, ...]
-    knowledge: tuple[Comparison, ...]
+    comparisons: tuple[Comparison, ...]  # readers on the same parts: over all parts, then at every severity
+    knowledge: tuple[Comparison, ...]  # each reader and itself when it knew fewer facts
     stability: tuple[Stability, ...]
+    # what each mode accepts at a risk, with a threshold fitted to other soils
     at_risk: tuple[RiskAcceptance, ...]
 
 

@@ -1,8 +1,4 @@
-"""Conditions of a trial: factors of a part, and facts given to the reader.
-
-part      soil  severity  font  format  height_mm  die  plate  ...        what was made
-given     font_given  height_given  format_given                          what the reader knew about it
-"""
+"""Conditions of a trial: factors of a part, and facts given to the reader (font_given, height_given, format_given)."""
 
 from __future__ import annotations
 

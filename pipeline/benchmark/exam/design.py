@@ -70,32 +70,23 @@ class Section(BaseModel):
 
 
 class Design(BaseModel):
-    """The parts of an exam, and the facts that readers are given.
-
-    Attributes:
-        parts: number of parts; give this, `parts_a_cell` or `sections`.
-        cross: factors crossed in full.
-        alike: the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
-        part: levels of every factor of a part: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`.
-        given: sets of facts that readers are given; every part is read with each set.
-        sections: groups of parts, one after the other.
-        fonts: font files that `part.font` may name.
-        kept_out_soils: held-out soils: nothing in this repository may be fitted to them.
-    """
+    """The parts of an exam, and the facts that readers are given."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = "benchmark"
     about: str = ""
     seed: int = Field(default=1, ge=0)
-    parts: int = Field(default=0, ge=0, le=MAX_PARTS)
+    parts: int = Field(default=0, ge=0, le=MAX_PARTS)  # give this, `parts_a_cell` or `sections`
     parts_a_cell: int = Field(default=0, ge=0, le=MAX_PARTS)
-    cross: tuple[str, ...] = ("severity",)
+    cross: tuple[str, ...] = ("severity",)  # factors crossed in full
+    # the n-th part of every cell is the same stamped part, so that cells are compared in pairs
     alike: bool = False
+    # levels of every factor: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`
     part: Part
-    given: tuple[str, ...] = ("format",)
+    given: tuple[str, ...] = ("format",)  # every part is read with each of these sets of facts
     sections: tuple[Section, ...] = Field(default=(), alias="section")
-    fonts: dict[str, PackagedFont] = {}
-    kept_out_soils: tuple[str, ...] = ()
+    fonts: dict[str, PackagedFont] = {}  # that `part.font` may name
+    kept_out_soils: tuple[str, ...] = ()  # nothing in this repository may be fitted to them
 
     @field_validator("given")
     @classmethod
@@ -126,7 +117,6 @@ class Design(BaseModel):
 
     @classmethod
     def of(cls, **values: Any) -> Design:
-        """Check the values of a design; a SettingsError names the setting that is invalid."""
         try:
             return cls.model_validate(values)
         except ValidationError as error:
@@ -140,7 +130,6 @@ class Design(BaseModel):
             return cls.of(**{"name": path.stem, **toml_of(path)})
 
     def with_given(self, facts: tuple[str, ...]) -> Design:
-        """Return a design of the same parts for readers that are given other facts."""
         checked = tuple(map(parse_given, facts))
         return self.model_copy(update={"given": checked}) if checked else self
 
@@ -159,7 +148,6 @@ class Design(BaseModel):
         return sum(section.parts for section in self.all_sections())
 
     def cells(self, section: Section) -> list[dict[str, Level]]:
-        """List every combination of the crossed factors."""
         levels = {**self.part, **section.part}
         return [dict(zip(self.cross, c, strict=True)) for c in product(*(levels[f] for f in self.cross))]
 
@@ -201,9 +189,7 @@ def of_flags(
     levels: Mapping[str, tuple[Any, ...]], *, parts: int, seed: int, given: tuple[str, ...]
 ) -> Design:
     """Make a design that crosses fonts, formats, soils and severities, with the same stamped parts in every cell.
-
-    `levels` replace the defaults of these and other factors (SettingsError names an invalid one).
-    """
+    `levels` replace the defaults of these and other factors (SettingsError names an invalid one)."""
     usual: dict[str, Any] = {"font": "gothic", "format": "AA999999", "soil": WORKSHOP,
              "severity": (0.0, 0.3, 0.6, 0.9), "height_mm": 5.0, "depth_mm": 0.2, "face": "flat"}  # fmt: skip
     cross, part = ("font", "format", "soil", "severity"), {**usual, **levels}

@@ -60,14 +60,9 @@ def sketch_part(
 
 @dataclass(frozen=True)
 class DesignedParts:
-    """Parts of a design; with `first`, so many of them, from each section in proportion.
-
-    Raises:
-        FontError: a font is missing or differs from the design's.
-        FormatError: no serial can match a format.
-        SettingsError: an unknown factor, a level of the wrong type, an unknown light, or too few parts.
-        StampError: an invalid die, plate, layout or soil.
-    """
+    """Parts of a design; with `first`, so many of them, from each section in proportion. Raises FontError: a font is
+    missing or differs from the design's. FormatError: no serial can match a format. SettingsError: an unknown factor, a
+    level of the wrong type, an unknown light, or too few parts. StampError: an invalid die, plate, layout or soil."""
 
     design: Design
     first: int | None = None

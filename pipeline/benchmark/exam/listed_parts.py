@@ -32,11 +32,9 @@ class ListedParts:
 
     @classmethod
     def of_files(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> ListedParts:
-        """The parts of folders, globs or files whose text is in a table with the columns part and text.
-
-        Raises FileError: the table is missing, or has no row for any part. NothingFoundError: the inputs name no part.
-        SettingsError: the format or severity is invalid.
-        """
+        """The parts of folders, globs or files whose text is in a table with the columns part and text. Raises
+        FileError: the table is missing, or has no row for any part. NothingFoundError: the inputs name no part.
+        SettingsError: the format or severity is invalid."""
         if condition.format:
             allowed_characters(condition.format)
         if (severity := condition.severity) is not None and not 0.0 <= severity <= 1.0:

@@ -1,8 +1,4 @@
-"""Parts of a design or a folder, each made once and read by every mode.
-
-design ------------------DesignedParts.make--> Specimen (height map, soil, photograph, truth)
-NAME.npz, NAME.png, truth.csv --ListedParts.make--->
-"""
+"""Parts of a design or a folder, each made once and read by every mode."""
 
 from __future__ import annotations
 
@@ -28,48 +24,32 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Item:
-    """A part of the exam that is not made yet, read with each of the `given` sets of facts.
+    """A part of the exam that is not made yet, read with each of the `given` sets of facts."""
 
-    Attributes:
-        part: name, unique in the benchmark.
-        number: among the parts of its condition; a designed part is made from it and the seed.
-        files, truth: of a part from a folder.
-    """
-
-    part: str
-    number: int
+    part: str  # name, unique in the benchmark
+    number: int  # among the parts of its condition; a designed part is made from it and the seed
     condition: Condition
     given: tuple[str, ...] = ("format",)
-    files: PartFiles | None = None
+    files: PartFiles | None = None  # of a part from a folder, as the truth
     truth: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """A part to be scanned and photographed; what is not known is None or empty.
-
-    Attributes:
-        soil: dirt and friction; None for a clean part.
-        line_mm: box (x0, y0, x1, y1) around the line, plate frame.
-        boxes_mm: box around each character of the truth.
-        height_mm: character height for which a stage is set.
-        beside_mm: box around a second line that is not to be read.
-        feel: scans it (default: the default plan).
-        take_lights: takes photographs under several lights.
-    """
+    """A part to be scanned and photographed; what is not known is None or empty."""
 
     part: str
     truth: str
     height_map: HeightMap
-    soil: Soil | None
+    soil: Soil | None  # dirt and friction; None for a clean part
     take_photo: Callable[[], Photo] | None
-    line_mm: Box | None
-    boxes_mm: tuple[Box, ...] = ()
-    height_mm: float | None = None
-    beside_mm: Box | None = None
+    line_mm: Box | None  # (x0, y0, x1, y1) around the line, plate frame
+    boxes_mm: tuple[Box, ...] = ()  # around each character of the truth
+    height_mm: float | None = None  # of a character, for which a stage is set
+    beside_mm: Box | None = None  # around a second line that is not to be read
     rows_known: bool = True
-    feel: Feel | None = None
-    take_lights: Callable[[], Photo] | None = None
+    feel: Feel | None = None  # scans it (default: the default plan)
+    take_lights: Callable[[], Photo] | None = None  # takes photographs under several lights
     number: int = 0
 
 

@@ -1,8 +1,6 @@
-"""Export an exam as a folder of files, for readers outside this program.
-
-A part's label is written after its files and holds their hashes: an interrupted export continues with the parts
-whose label is missing or does not match the files.
-"""
+"""Export an exam as a folder of files, for readers outside this program. A part's label is written after its files and
+holds their hashes: an interrupted export continues with the parts whose label is missing or does not match the
+files."""
 
 from __future__ import annotations
 
@@ -37,11 +35,9 @@ def export(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> int:
-    """Write the exam, and return the number of parts in the folder; complete parts already there stay.
-
-    Raises ExportError: some parts could not be made; the others are written. FileError: the folder holds something
-    else, or cannot be written.
-    """
+    """Write the exam, and return the number of parts in the folder; complete parts already there stay. Raises
+    ExportError: some parts could not be made; the others are written. FileError: the folder holds something else, or
+    cannot be written."""
     items = parts.items()
     _prepare(parts, folder)
     labels = {item.part: label for item in items if (label := _whole(folder, item)) is not None}

@@ -104,10 +104,8 @@ MODES: dict[str, Callable[[Reader], Mode]] = {
 
 
 def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Replace the groups experts (of the other modes), peers, and plans (of touch) among the names of modes.
-
-    Each built-in mode is also decided without each of the rules `ablate`.
-    """
+    """Replace the groups experts (of the other modes), peers, and plans (of touch) among the names of modes. Each
+    built-in mode is also decided without each of the rules `ablate`."""
     groups = {"experts": experts_in(named), "peers": PEERS, "plans": tuple(p.mode for p in PLANS)}
     single = tuple(name for name in named if name not in groups)
     more = dict.fromkeys(mode for name in named for mode in groups.get(name, ()))

@@ -101,10 +101,8 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
 
 
 def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:
-    """Most likely character at each place of a format, with its posterior; empty if there are too few steps.
-
-    `beliefs` are (steps, classes) probabilities, class 0 the blank; `places` the characters allowed at each place.
-    """
+    """Most likely character at each place of a format, with its posterior; empty if there are too few steps. `beliefs`
+    are (steps, classes) probabilities, class 0 the blank; `places` the characters allowed at each place."""
     chars = "".join(sorted(set("".join(places))))
     index = {name: k for k, name in enumerate(classes)}
     shares = np.zeros((len(beliefs), len(chars)))
@@ -122,10 +120,8 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
-    """Best class of every step of (steps, classes) probabilities, without repeats and blanks (class 0).
-
-    A run has the highest probability of its steps.
-    """
+    """Best class of every step of (steps, classes) probabilities, without repeats and blanks (class 0). A run has the
+    highest probability of its steps."""
     best = beliefs.argmax(axis=1)
     runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
     return [(classes[k], float(beliefs[steps, k].max())) for k, steps in runs if k]

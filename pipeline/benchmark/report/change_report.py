@@ -26,17 +26,15 @@ _MOST_LEVELS = 8
 def write_comparison(
     before: Path, after: Path, folder: Path, *, executor: Executor | None = None
 ) -> tuple[str, tuple[Path, ...]]:
-    """Compare two folders of finished benchmarks, A and B, and write the page and the table into a folder.
-
-    Returns the tables in Markdown, with the reason if there are no pictures, and the paths of all files.
-    Raises FileError: a folder holds no benchmark, or cannot be written. NotComparableError: as in `changes`.
-    """
+    """Compare two folders of finished benchmarks, A and B, and write the page and the table into a folder. Returns the
+    tables in Markdown, with the reason if there are no pictures, and the paths of all files. Raises FileError: a folder
+    holds no benchmark, or cannot be written. NotComparableError: as in `changes`."""
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     compared = changes(old, new, (books[0].description, books[1].description))
     drawn, problem = _drawn(books[1].description, compared.flips[:SHOWN], executor or Executor())
     folders = (str(before), str(after))
-    values = {"found": compared, "kinds": list(Flip), "problem": problem, "folders": folders}
+    values = {"changes": compared, "kinds": list(Flip), "problem": problem, "folders": folders}
     changed = [row for row in compared.by_factor if row.compared.characters.difference.value]
     changed.sort(key=lambda row: -abs(row.compared.characters.difference.value))
     document = render("compare.md.j2", **values, largest=changed[:_MOST_LEVELS])

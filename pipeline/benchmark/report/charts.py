@@ -1,7 +1,5 @@
-"""Charts of a benchmark's report, for screen and paper; series can be distinguished without colour.
-
-Accuracy against severity; risk against coverage; reliability of confidences.
-"""
+"""Charts of a benchmark's report, for screen and paper; series can be distinguished without colour. Accuracy against
+severity; risk against coverage; reliability of confidences."""
 
 from __future__ import annotations
 
@@ -53,8 +51,7 @@ def severities_in(groups: Sequence[Group]) -> list[float | None]:
     return sorted(severities, key=lambda s: (s is None, s or 0.0))
 
 
-def legend_below(figure: Figure, axes: Axes) -> None:
-    """Draw the legend of the first panel under all panels."""
+def _legend_below(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
 
@@ -84,7 +81,7 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.set_xticks(range(len(severities)), [level_name(s) for s in severities])
         axes.grid()
-    legend_below(figure, panels[0])
+    _legend_below(figure, panels[0])
     return figure
 
 
@@ -127,16 +124,14 @@ def risk_figure(groups: Sequence[Group]) -> Figure:
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.grid()
-    legend_below(figure, panels[0])
+    _legend_below(figure, panels[0])
     return figure
 
 
 @styled
 def reliability_figure(groups: Sequence[Group]) -> Figure:
-    """Reported confidence against the share right, for serials and characters of every mode.
-
-    A bin's mark is larger the more readings it holds; bars are Wilson's 95 % intervals.
-    """
+    """Reported confidence against the share right, for serials and characters of every mode. A bin's mark is larger the
+    more readings it holds; bars are Wilson's 95 % intervals."""
     modes = modes_in(groups)
     figure = Figure(figsize=(max(WIDTH_IN, 2.4 * len(modes)), 6.2))
     panels = figure.subplots(2, len(modes), squeeze=False, sharex=True, sharey=True)

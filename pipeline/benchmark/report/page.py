@@ -54,13 +54,13 @@ def render(template: str, **values: Any) -> str:
     )  # fmt: skip
     values |= {
         "made": f"{datetime.now(UTC):%Y-%m-%d %H:%M UTC}",
-        "command": command_line(),
+        "command": _command_line(),
         "versions": versions(),
     }
     return environment.get_template(template).render(values)
 
 
-def command_line() -> str:
+def _command_line() -> str:
     """The command line as typed; empty when another program calls."""
     program = Path(sys.argv[0])
     ours = program.stem == PROGRAM or program.parent.name == "pipeline"  # or by python -m pipeline

@@ -23,15 +23,12 @@ _HELPED = ("fused", "tactile")
 
 @dataclass(frozen=True)
 class WorstPart:
-    """One part to show, with the trials of all modes, and why; `given` are the facts of its worst reading.
-
-    `picture` is a data URI, or `problem` says why it could not be drawn.
-    """
+    """One part to show, with the trials of all modes, and why."""
 
     trials: tuple[Trial, ...]
     why: str
-    given: str
-    picture: str = ""
+    given: str  # facts of its worst reading
+    picture: str = ""  # a data URI, or `problem` says why it could not be drawn
     problem: str = ""
 
     @property
@@ -41,9 +38,7 @@ class WorstPart:
 
 def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
     """Rank the parts: accepted with a wrong serial, then read worst by touch, then by the camera, else least certain.
-
-    Third-party programs do not count.
-    """
+    Third-party programs do not count."""
     by_part: dict[str, list[Trial]] = {}
     for trial in trials:
         by_part.setdefault(trial.part, []).append(trial)

@@ -48,10 +48,8 @@ def write_report(
     benchmark: Benchmark, trials: Sequence[Trial], folder: Path, *, certificate: Certificate | None = None,
     executor: Executor | None = None,
 ) -> tuple[str, tuple[Path, ...], Statistics]:  # fmt: skip
-    """Write the page, the tables and the figures; the executor draws the worst parts (default: this process).
-
-    Returns the tables in Markdown, the paths of all files, and the figures. Raises FileError: they cannot be written.
-    """
+    """Write the page, the tables and the figures; the executor draws the worst parts (default: this process). Returns
+    the tables in Markdown, the paths of all files, and the figures. Raises FileError: they cannot be written."""
     statistics = statistics_of(trials, benchmark.crossed)
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]
@@ -124,7 +122,7 @@ def _tables(statistics: Statistics) -> dict[str, Any]:
     modes = modes_in(statistics.by_mode)
     return {
         "modes": modes,
-        "found": statistics,
+        "statistics": statistics,
         "leaders": sorted(statistics.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
         "lead": leading_mode(modes),
         "summary": _sort_groups(statistics.by_severity),

@@ -102,26 +102,20 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Agreement:
-    """Agreement of ratings by some appraisers.
-
-    Attributes:
-        parts: share of the compared parts on which all ratings agree, with the exact 95 % interval.
-        kappa: Fleiss' within and between; the mean of Cohen's over the trials for a pair and against truth.
-    """
+    """Agreement of ratings by some appraisers."""
 
     kind: Kind
     who: str
-    parts: Share
+    parts: Share  # share of those compared on which all ratings agree, with the exact 95 % interval
+    # Fleiss' within and between; for a pair and against truth the mean of Cohen's over trials
     kappa: Estimate | None
     disagreed: tuple[str, ...]
 
 
 def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list[Agreement]:
-    """Compute all comparisons that the ratings and the truth by part, as far as known, allow.
-
-    "Within" needs an appraiser with several trials. "Between" and "pair" use the parts that the appraisers have in
-    common. Raises ValueError: an appraiser did not rate every part equally often, and at least once.
-    """
+    """Compute all comparisons that the ratings and the truth by part, as far as known, allow. "Within" needs an
+    appraiser with several trials. "Between" and "pair" use the parts that the appraisers have in common. Raises
+    ValueError: an appraiser did not rate every part equally often, and at least once."""
     for who, by_part in ratings.items():
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):
             raise ValueError(f"{who} did not rate every part equally often")

@@ -40,16 +40,13 @@ class Row:
 
 @dataclass(frozen=True)
 class GaugeRR:
-    """Gauge study: standard deviations of repeats by one appraiser, between appraisers (if several), and between parts.
-
-    `pooled`: the interaction is pooled with the repeats; otherwise it counts as reproducibility.
-    """
+    """Gauge study: standard deviations of repeats by one appraiser, between appraisers (if several) and parts."""
 
     table: tuple[Row, ...]
     parts: int
     appraisers: int
     trials: int
-    pooled: bool
+    pooled: bool  # the interaction is pooled with the repeats; otherwise it counts as reproducibility
     repeatability_mm: float
     reproducibility_mm: float | None
     part_mm: float

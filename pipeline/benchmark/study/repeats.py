@@ -101,14 +101,13 @@ def measure(
     def lost(part: StudiedPart, error: Exception) -> tuple[Trial, ...]:
         return tuple(replace(blank, error=describe_fault(error)) for _, blank in _blanks(plan, part))
 
-    for _ in resumable(journal, parts, executor, measure_part, plan, lost=lost):
+    for _ in resumable(journal, parts, executor, _measure_part, plan, lost=lost):
         on_part()
     done = journal.done
     return [m for part in parts for m in done[part.name]]
 
 
-def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
-    """Measure every trial of one part."""
+def _measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
     return tuple(_measure(plan, part, array, blank) for array, blank in _blanks(plan, part))
 
 

@@ -35,13 +35,13 @@ def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
     figures = plain(
         {"serials": study.serials, "decisions": study.decisions, "depth": study.depth, "sources": sources}
     )
-    differ = disputed_parts(study)
+    differ = _disputed_parts(study)
     page = render(
         "study.html.j2",
         **values,
         title="Agreement study",
         trials=max((m.number for m in study.measured), default=0),
-        depths="" if study.depth is None else data_uri(depth_figure(study)),
+        depths="" if study.depth is None else data_uri(_depth_figure(study)),
         differ=[(part, study.truth.get(part, ""), _answers_of(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
     )
@@ -49,8 +49,7 @@ def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
     return document, write_files(folder, contents)
 
 
-def disputed_parts(study: Study) -> list[str]:
-    """Parts whose serial appraisers read differently from each other or from the truth."""
+def _disputed_parts(study: Study) -> list[str]:
     disputed = {part for agreement in study.serials for part in agreement.disagreed}
     return [part for part in study.parts if part in disputed]
 
@@ -69,8 +68,7 @@ def components(gauge: GaugeRR) -> Iterator[tuple[str, float | None, float | None
 
 
 @styled
-def depth_figure(study: Study) -> Figure:
-    """Mean depth of every part as each appraiser measured it, the shallowest part first."""
+def _depth_figure(study: Study) -> Figure:
     parts = sorted(study.depths.values(), key=np.mean)
     appraisers = list(dict.fromkeys(m.mode for m in study.measured))
     figure = Figure(figsize=(WIDTH_IN, 3.0))

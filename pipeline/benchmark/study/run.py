@@ -93,11 +93,9 @@ def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> 
 
 
 def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple[str, ...]]:
-    """Load reviewers' answers from a table, with the reviewer as mode; and the parts that are not in the study.
-
-    Raises FileError: another table, a line without a reviewer, no part of the study, or a reviewer who did not read
-    every part equally often.
-    """
+    """Load reviewers' answers from a table, with the reviewer as mode; and the parts that are not in the study. Raises
+    FileError: another table, a line without a reviewer, no part of the study, or a reviewer who did not read every part
+    equally often."""
     known = PartTexts(dict.fromkeys(parts, ""))
     answers: list[Trial] = []
     times: dict[str, Counter[str]] = {}

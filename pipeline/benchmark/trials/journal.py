@@ -28,34 +28,26 @@ class ReadCharacter:
 
 @dataclass(frozen=True)
 class Trial:
-    """One part read by one mode.
-
-    Attributes:
-        number: number of the part among those of its kind.
-        levels: of all factors of the part, and facts given to the reader (`pipeline.benchmark.exam.condition`).
-        truth, text: stamped and read, without spaces; no text with an error.
-        broken: it breaks a contract, so that no score is enough.
-        compute_s: time that the program took, without making the part and its photograph.
-        scan_s: time that the real array would take for the scan; 0 without touch.
-        simulated_s: part of compute_s that replaces the array: mounting the map and simulating the scan.
-        measures: measures of the part by our own modes (`recognition.decide.score`).
-    """
+    """One part read by one mode."""
 
     part: str
-    number: int
+    number: int  # of the part among those of its kind
+    # of all factors, and facts given to the reader (`pipeline.benchmark.exam.condition`)
     levels: dict[str, Level]
     mode: str
-    truth: str
-    text: str = ""
+    truth: str  # without spaces, as the text
+    text: str = ""  # empty with an error
     decision: str = ""
     confidence: float = 0.0
     characters: tuple[ReadCharacter, ...] = ()
     flags: str = ""
-    broken: bool = False
+    broken: bool = False  # it breaks a contract, so that no score is enough
     error: str = ""
-    compute_s: float = 0.0
-    scan_s: float = 0.0
+    compute_s: float = 0.0  # time that the program took, without making the part and its photograph
+    scan_s: float = 0.0  # time that the real array would take for the scan; 0 without touch
+    # part of compute_s that replaces the array: mounting the map and simulating the scan
     simulated_s: float = field(default=0.0, compare=False)
+    # of the part by our own modes (`recognition.decide.score`)
     measures: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property

@@ -1,8 +1,6 @@
-"""Run a benchmark: several workers make every part once and read it by every mode; results are stored at once.
-
-A part depends only on its seed or files, so the answers do not depend on the number of workers, the order of parts, or
-interruptions of the run.
-"""
+"""Run a benchmark: several workers make every part once and read it by every mode; results are stored at once. A part
+depends only on its seed or files, so the answers do not depend on the number of workers, the order of parts, or
+interruptions of the run."""
 
 from __future__ import annotations
 
@@ -42,16 +40,13 @@ KEPT_READERS = 12
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Parts, modes (at least one, each once: SettingsError) and settings of a benchmark.
-
-    Attributes:
-        reading: settings for all parts; font, height and format are those of the part if the design gives them.
-        perturbations: perturbations under which every part is read again, by the modes that they affect.
-    """
+    """Parts, modes (at least one, each once: SettingsError) and settings of a benchmark."""
 
     parts: Parts
     modes: tuple[str, ...]
+    # for all parts; font, height and format are those of the part if the design gives them
     reading: ReaderSettings
+    # under which every part is read again, by the modes that they affect
     perturbations: tuple[Perturbation, ...] = ()
 
     def __post_init__(self) -> None:
@@ -88,7 +83,6 @@ class Benchmark:
         return tuple(self.parts.description().get("cross", ("severity",)))
 
     def settings_for(self, condition: Condition, facts: str) -> ReaderSettings:
-        """Settings for a kind of part and a reader with given facts."""
         font = self.parts.font_of(condition) if "font" in facts else ""
         return replace(
             self.reading,
@@ -106,12 +100,8 @@ def run_benchmark(
     progress: Progress | None = None,
 ) -> list[Trial]:
     """Run the trials of every part that is not in the folder yet; return all, by part, facts, perturbation and mode.
-
-    Raises:
-        FileError: the folder holds another benchmark or cannot be written.
-        ModeUnavailableError: a mode cannot run here.
-        SettingsError: a mode, font or format cannot be used.
-    """
+    Raises FileError: the folder holds another benchmark or cannot be written. ModeUnavailableError: a mode cannot run
+    here. SettingsError: a mode, font or format cannot be used."""
     items = benchmark.parts.items()
     ways = ((item.condition, facts) for item in items for facts in item.given)
     for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):
@@ -200,10 +190,8 @@ def _describe(error: Exception) -> str:
 
 
 def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
-    """Rebuild a benchmark, and some of its items, from the description in its journal, with the present program.
-
-    Raises MarksError: its parts or whiskers are in files, or its design lacks a font or soil here.
-    """
+    """Rebuild a benchmark, and some of its items, from the description in its journal, with the present program. Raises
+    MarksError: its parts or whiskers are in files, or its design lacks a font or soil here."""
     wanted, source_values = set(parts), description["parts"]
     if "part" not in source_values:
         raise SettingsError("its parts are in files", hint="only parts of a design are drawn")

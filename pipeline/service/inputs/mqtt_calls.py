@@ -33,7 +33,6 @@ class MqttCalls:
         self._running: set[asyncio.Future[Any]] = set()
 
     async def answer(self, call: str, payload: bytes) -> bytes:
-        """Carry out a call, trigger or touch, and return its answer as JSON."""
         answer: dict[str, Any] = {"call": call}
         try:
             answer |= _fields_of(payload)

@@ -80,7 +80,6 @@ class OpcUaPort:
         self._showing = asyncio.Lock()
 
     async def start(self) -> dict[str, object]:
-        """Build the nodes and listen. Raises OSError: the address is not available, or a certificate cannot be read."""
         server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()
         server.set_server_name("tactile-marks")

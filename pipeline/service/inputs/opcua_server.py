@@ -91,10 +91,8 @@ def _argument(name: str, kind: int = ua.ObjectIds.String) -> Any:
 
 
 async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) -> tuple[dict[str, Any], Any]:
-    """Load the model and set up its device; returns its nodes by name, and the generator of its events.
-
-    `methods` are Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names.
-    """
+    """Load the model and set up its device; returns its nodes by name, and the generator of its events. `methods` are
+    Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names."""
     uris = (DI_URI, AUTOID_URI, READER_URI)
     _, autoid, reader = [await server.register_namespace(uri) for uri in uris]
     await server.import_xml(NODE_SET)

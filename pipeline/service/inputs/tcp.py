@@ -133,20 +133,15 @@ def _check_field(field: str, spec: str, conversion: str | None) -> None:
 
 @dataclass(frozen=True)
 class TcpLimits:
-    """Resource limits of callers: connections at once, bytes of a line, and times.
-
-    Attributes:
-        line_s: time in which a line that has begun must end.
-        answer_s: timeout of one trigger; after it the answer is an error, but the part is read to its end.
-        write_s: time in which the caller must take an answer.
-    """
+    """Resource limits of callers, and times in seconds."""
 
     connections: int = 16
     line_bytes: int = 256
     idle_s: float = 3600.0
-    line_s: float = 10.0
+    line_s: float = 10.0  # for a line that has begun to end
+    # of one trigger; after it the answer is an error, but the part is read to its end
     answer_s: float = 120.0
-    write_s: float = 10.0
+    write_s: float = 10.0  # for the caller to take an answer
 
 
 class _LineError(Exception):
@@ -178,7 +173,6 @@ class TcpPort:
         return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
-        """Accept no new callers, drop idle ones, and give triggers under way `grace_s`."""
         self._stopping = True
         if self._server is not None:
             self._server.close()

@@ -75,18 +75,12 @@ LEFT_S = 60.0
 
 @dataclass(frozen=True)
 class WatchedPart:
-    """The photographs of one part, by path.
+    """The photographs of one part, by path."""
 
-    Attributes:
-        name: its subfolder and the file's stem, or the set's.
-        moved: keys of the same files, wherever they are moved to.
-        since_s: time since which they stand unchanged, by the monotonic clock.
-    """
-
-    name: str
+    name: str  # its subfolder and the file's stem, or the set's
     files: Mapping[str, FileStamp]
-    moved: tuple[str, ...]
-    since_s: float
+    moved: tuple[str, ...]  # keys of the same files, wherever they are moved to
+    since_s: float  # time since which they stand unchanged, by the monotonic clock
     expected: str = ""
 
     @property

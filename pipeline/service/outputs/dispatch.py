@@ -38,19 +38,14 @@ TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
 @dataclass
 class Connection:
-    """One connection: a target of results, or a port that listens.
-
-    Attributes:
-        address: of a listening port; empty for a target.
-        error: why a target cannot be reached; empty while it can, as far as is known.
-        refused: why a target does not take results, by their numbers.
-    """
+    """One connection: a target of results, or a port that listens."""
 
     key: str
     name: str
     since: datetime
-    address: str = ""
-    error: str = ""
+    address: str = ""  # of a listening port; empty for a target
+    error: str = ""  # why a target cannot be reached; empty while it can, as far as is known
+    # why a target does not take results, by their numbers
     refused: dict[int, str] = field(default_factory=dict)
     waiting: WaitingResults | None = None
 
@@ -81,22 +76,16 @@ _log = logging.getLogger(__name__)
 
 
 class DeliveryError(MarksError):
-    """A delivery that has not arrived.
-
-    Attributes:
-        away: the target cannot be reached at all, so others need not be tried now.
-        lasting: a person must correct something first, so that an early retry is useless.
-        retry_after_s: the target's own wish; 0 where it has none.
-    """
+    """A delivery that has not arrived."""
 
     def __init__(
         self,
         what: str,
         *,
         hint: str = "",
-        away: bool = False,
-        lasting: bool = False,
-        retry_after_s: float = 0.0,
+        away: bool = False,  # the target cannot be reached at all, so others need not be tried now
+        lasting: bool = False,  # a person must correct something first, so that an early retry is useless
+        retry_after_s: float = 0.0,  # the target's own wish; 0 where it has none
     ) -> None:
         super().__init__(what, hint=hint)
         self.away, self.lasting, self.retry_after_s = away, lasting, retry_after_s
@@ -116,26 +105,17 @@ class Sender(Protocol):
 
 @dataclass(frozen=True)
 class Pace:
-    """Waits and timeouts of a dispatcher, s; each further attempt waits twice as long.
+    """Waits and timeouts of a dispatcher, s; each further attempt waits twice as long."""
 
-    Attributes:
-        together: deliveries of different parts leased and sent to one target at the same time.
-        look_s: between two looks at the outbox when nothing wakes the dispatcher.
-        longest_rest_s: of a target that is down.
-        send_s: timeout of one attempt, whatever the sender's own limits.
-        lease_s: time for which other services leave a delivery alone; longer than `send_s`.
-    """
-
-    together: int = 4
-    look_s: float = 1.0
+    together: int = 4  # deliveries of different parts leased and sent to one target at the same time
+    look_s: float = 1.0  # between two looks at the outbox when nothing wakes the dispatcher
     first_wait_s: float = 1.0
     longest_wait_s: float = 300.0
-    longest_rest_s: float = 30.0
-    send_s: float = 60.0
-    lease_s: float = 120.0
+    longest_rest_s: float = 30.0  # of a target that is down
+    send_s: float = 60.0  # timeout of one attempt, whatever the sender's own limits
+    lease_s: float = 120.0  # other services leave a delivery alone so long; longer than `send_s`
 
     def wait_s(self, attempts: int) -> float:
-        """Waiting time before the next attempt, after `attempts` failed ones."""
         return min(self.longest_wait_s, self.first_wait_s * 2.0 ** min(attempts - 1, 60))
 
 

@@ -62,8 +62,7 @@ ONLINE_EVERY_S = 5.0
 _log = logging.getLogger(__name__)
 
 
-def topic_level(name: str) -> str:
-    """A name as one level of a topic."""
+def _topic_level(name: str) -> str:
     return re.sub(r"[+#/\0]", "_", name)
 
 
@@ -81,11 +80,9 @@ class MqttSender:
         *,
         timeout_s: float = 10.0,
     ) -> None:
-        """Prepare the sender; `timeout_s` is for connecting, and for one acknowledgement.
-
-        TLS certificates are checked by the system's authorities, or those of the file SSL_CERT_FILE. `answer_call`
-        answers a trigger or touch, if the settings allow calls. Raises MissingExtraError: paho-mqtt is not installed.
-        """
+        """Prepare the sender; `timeout_s` is for connecting, and for one acknowledgement. TLS certificates are checked
+        by the system's authorities, or those of the file SSL_CERT_FILE. `answer_call` answers a trigger or touch, if
+        the settings allow calls. Raises MissingExtraError: paho-mqtt is not installed."""
         try:
             import paho.mqtt.client  # noqa: F401 - asked for at the start, not with the first result
         except ImportError as error:
@@ -104,11 +101,10 @@ class MqttSender:
         return True
 
     async def send(self, delivery: Delivery) -> None:
-        """Publish a delivery. Raises DeliveryError: no broker, no acknowledgement, or the broker refuses it."""
         connection = await self._connect()
         try:
             alert = delivery.payload.get("alert")
-            about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
+            about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{_topic_level(alert)}"
             if alert is None and self._settings.payload == "short":
                 delivery = replace(delivery, payload=_short(delivery.payload))
             await connection.publish(f"{self._prefix}/{about}", body_of(delivery), retain=alert is not None)

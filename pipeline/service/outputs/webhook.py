@@ -37,10 +37,7 @@ _ADDRESS_WRONG = frozenset({401, 403, 404, 405, 407, 410})
 
 
 def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> str:
-    """The header webhook-signature; a secret is any text, or whsec_ followed by the key in base64.
-
-    Raises SettingsError: a whsec_ secret that is no base64.
-    """
+    """The header webhook-signature; a secret is any text, or whsec_ and the key in base64 (else SettingsError)."""
     signed = f"{webhook_id}.{timestamp}.".encode() + body
     digest = hmac.new(_key(secret), signed, hashlib.sha256).digest()
     return f"v1,{base64.b64encode(digest).decode()}"
@@ -65,7 +62,6 @@ class WebhookSender:
         return False
 
     async def send(self, delivery: Delivery) -> None:
-        """Post a delivery. Raises DeliveryError: no answer, or none that says it has arrived."""
         import httpx
 
         body, stamp = body_of(delivery), int(time.time())

@@ -1,8 +1,4 @@
-"""Pages of numbers.
-
-/dashboard   how much was read, how often touch was needed, how often a person found the reading right
-/shadow      in shadow mode: how the readings agree with the line's own reader, day by day, and where they do not
-"""
+"""Pages of numbers: /dashboard, and /shadow, which compares the readings with those of the line's own reader."""
 
 from __future__ import annotations
 
@@ -77,7 +73,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
         )
         page = page_of(parts, "/shadow", {"span": span, "show": show}, before)
         surest = sorted(page["parts"], key=lambda part: (part.reading or NO_READING).confidence, reverse=True)
-        page["parts"] = [(part, _read_cells(part), who_was_right(part)) for part in surest]
+        page["parts"] = [(part, _read_cells(part), _who_was_right(part)) for part in surest]
         return view.page(
             "shadow.html.j2",
             span=span,
@@ -92,19 +88,14 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
 
 @dataclass(frozen=True)
 class Chart:
-    """Bars or lines over the steps of a trend; the template draws them.
-
-    Attributes:
-        tick: distance of the lines across, in parts or per cent; `top` is a multiple of it.
-        every: number of steps from one label to the next.
-        lines: values by name; None at a step without parts.
-    """
+    """Bars or lines over the steps of a trend; the template draws them."""
 
     title: str
-    tick: int
+    tick: int  # distance of the lines across, in parts or per cent; `top` is a multiple of it
     top: int
-    every: int
+    every: int  # number of steps from one label to the next
     bars: Sequence[int] = ()
+    # values by name; None at a step without parts
     lines: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
 
 
@@ -138,7 +129,7 @@ def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
     )
 
 
-def who_was_right(part: PartRecord) -> str:
+def _who_was_right(part: PartRecord) -> str:
     """Name of the reader that was right, by a person's review; empty before one."""
     if part.review is None:
         return ""

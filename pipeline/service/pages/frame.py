@@ -1,7 +1,4 @@
-"""Common parts of all pages: templates, the caller's rights, cookies.
-
-request --reader_view or reviewer_view--> View --page or redirect--> answer
-"""
+"""Common parts of all pages: templates, the caller's rights, cookies."""
 
 from __future__ import annotations
 
@@ -72,7 +69,6 @@ class Frame:
         )
 
     def reader_view(self, request: Request) -> View:
-        """The view of a caller with the right to look. Raises DeniedError: no token that allows it."""
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
@@ -133,7 +129,6 @@ class View:
         return self.person if self.caller.token else replace(self.person, name=name)
 
     def page(self, template: str, *, problem: Problem | None = None, **values: Any) -> Response:
-        """A page for this caller; with a problem it shows the error of the sent form."""
         status, fault = (problem.status, problem.detail) if problem else (200, "")
         values |= {"fault": fault, "may_review": self.may_review}
         return self.frame.render(self.request, template, status=status, caller=self.caller, **values)

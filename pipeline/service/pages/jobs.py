@@ -1,7 +1,4 @@
-"""Pages of jobs: the list, the text of a job, and a job taught from a part: a box round a line, and its text.
-
-part --its picture, box, text--> /jobs/new --> job file --> /jobs
-"""
+"""Pages of jobs: the list, the text of a job, and a job taught from a part: a box round a line, and its text."""
 
 from __future__ import annotations
 

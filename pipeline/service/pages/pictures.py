@@ -1,8 +1,6 @@
-"""The pictures of a part with the boxes of its characters, in pixels, upright, cut to the line.
-
-The middle of pixel (0, 0) is (x0_mm, y0_mm); on the page its corner is the origin, so that middle is (0.5, 0.5).
-A line that runs upwards, downwards or upside down is turned by quarters, so that boxes stay parallel to the axes.
-"""
+"""The pictures of a part with the boxes of its characters, in pixels, upright, cut to the line. The middle of pixel (0,
+0) is (x0_mm, y0_mm); on the page its corner is the origin, so that middle is (0.5, 0.5). A line that runs upwards,
+downwards or upside down is turned by quarters, so that boxes stay parallel to the axes."""
 
 from __future__ import annotations
 
@@ -62,14 +60,12 @@ class PictureFrame:
         )  # fmt: skip
 
     def shows(self, box: Rectangle) -> bool:
-        """Whether a box has an area and overlaps the picture."""
         x, y, width, height = box
         if not all(map(math.isfinite, box)) or min(width, height) <= 0.0:
             return False
         return x < self.width and y < self.height and x + width > 0.0 and y + height > 0.0
 
     def whole(self, turns: int) -> Rectangle:
-        """Box of the whole picture after a number of quarter turns counterclockwise."""
         return self.turned((0.0, 0.0, self.width, self.height), turns)
 
     def turned(self, box: Rectangle, turns: int) -> Rectangle:
@@ -96,26 +92,19 @@ class PictureBox:
 
 @dataclass(frozen=True)
 class PictureView:
-    """A picture on the page.
-
-    Attributes:
-        href: empty if there is none to be shown; `note` says why, or what to know about it.
-        source: of the reading whose boxes are drawn; empty if none are.
-        turns: quarters counterclockwise by which it is turned.
-        whole, line: views of the whole picture and of the line.
-        takes_room: there is a picture, or one to come or lost; an edge map that nobody waits for takes no room.
-    """
+    """A picture on the page."""
 
     which: str
     title: str
-    href: str = ""
+    href: str = ""  # empty if there is none to be shown; `note` says why, or what to know about it
     note: str = ""
     frame: PictureFrame | None = None
-    source: str = ""
-    turns: int = 0
+    source: str = ""  # of the reading whose boxes are drawn; empty if none are
+    turns: int = 0  # quarters counterclockwise by which it is turned
     whole: Rectangle = (0.0, 0.0, 1.0, 1.0)
     line: Rectangle = (0.0, 0.0, 1.0, 1.0)
     boxes: tuple[PictureBox, ...] = ()
+    # there is a picture, or one to come or lost; an edge map that nobody waits for takes no room
     takes_room: bool = True
 
     @property

@@ -25,20 +25,14 @@ UNKNOWN_CHAR = "?"
 
 @dataclass(frozen=True)
 class Place:
-    """One place of a reading.
-
-    Attributes:
-        doubt: mismatch, not read, confused, unsure or least sure; empty if there is none.
-        words: the state in the reader's words, such as "confused 8/B".
-        candidates: those worth showing, best first.
-    """
+    """One place of a reading."""
 
     index: int
     char: str
-    doubt: str
-    words: str
+    doubt: str  # mismatch, not read, confused, unsure or least sure; empty if there is none
+    words: str  # the state in the reader's words, such as "confused 8/B"
     grade: str
-    candidates: tuple[CandidateRecord, ...]
+    candidates: tuple[CandidateRecord, ...]  # those worth showing, best first
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,4 @@
-"""The operator's pages, made on the server; they work without internet, and all but /docs without script.
-
-/review  /review/{id}  /audit  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /login  /static/{name}
-/docs   about the HTTP interface, by Swagger UI, whose files come with the program
-"""
+"""The operator's pages, made on the server; they work without internet, and all but /docs without script."""
 
 from __future__ import annotations
 
@@ -35,10 +31,10 @@ def pages_router(frame: Frame) -> APIRouter:
     router = APIRouter(include_in_schema=False)
     for add in (
         add_review_pages,
-        add_part_pages,
+        _add_part_pages,
         add_job_pages,
         add_dashboard,
-        add_login,
+        _add_login,
     ):
         add(router, frame)
 
@@ -69,13 +65,11 @@ class Search(BaseModel):
     before: str = ""
 
 
-def add_part_pages(router: APIRouter, frame: Frame) -> None:
-    """The routes of the list and of one part."""
+def _add_part_pages(router: APIRouter, frame: Frame) -> None:
     looks, reviews, store = Depends(frame.reader_view), Depends(frame.reviewer_view), frame.store
 
     @router.post("/parts/{part_id}/touch")
     async def touch(part_id: str, view: View = reviews) -> Response:
-        """Release a part that lies under the whiskers."""
         await frame.service.intake.touch(part_id)
         return view.redirect(f"/parts/{part_id}")
 
@@ -92,7 +86,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
         parts = store.parts(**sought, before=search.before or None, limit=PARTS_SHOWN + 1)
         return view.page(
             "parts.html.j2",
-            asked=search,
+            search=search,
             searched=bool(query),
             table="/v1/parts.csv?" + urlencode(sought),
             states=tuple(PartState),
@@ -122,8 +116,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
         )
 
 
-def add_login(router: APIRouter, frame: Frame) -> None:
-    """The routes to sign in and out."""
+def _add_login(router: APIRouter, frame: Frame) -> None:
     access = frame.access
 
     @router.get("/login")

@@ -1,7 +1,5 @@
-"""The stage and the camera: drivers and their calls.
-
-A driver of an integrator's own is a `Stage`, a `SessionStage` or a `Camera`; all it is given is a `ScanOrder`.
-"""
+"""The stage and the camera: drivers and their calls. A driver of an integrator's own is a `Stage`, a `SessionStage` or
+a `Camera`; all it is given is a `ScanOrder`."""
 
 from __future__ import annotations
 

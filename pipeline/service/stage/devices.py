@@ -52,10 +52,8 @@ class ScanOrder:
         self, field_mm: tuple[float, float, float, float], *, camera_mm: tuple[float, float] | None = None
     ) -> dict[str, Any]:
         """Frame of a session for the order, as `FramedSession` takes it: its field is the region, within the stage's.
-
         `field_mm` is (x0, y0, x1, y1) of the stage on the plate, `camera_mm` the camera's axis there (default: its
-        middle). Raises StageError: the region is off the field.
-        """
+        middle). Raises StageError: the region is off the field."""
         import numpy as np
 
         ends = np.reshape(field_mm, (2, 2))

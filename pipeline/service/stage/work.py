@@ -154,11 +154,9 @@ class CameraWork:
     async def take(
         self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
     ) -> CameraPictures:
-        """Photograph the part of that name, and copy the photographs into the folder.
-
-        `known` finds those of some pictures' keys that already belong to a part. Raises StageDownError: the camera
-        does not answer. StageError: there is no photograph. OSError: one cannot be read.
-        """
+        """Photograph the part of that name, and copy the photographs into the folder. `known` finds those of some
+        pictures' keys that already belong to a part. Raises StageDownError: the camera does not answer. StageError:
+        there is no photograph. OSError: one cannot be read."""
         camera = self._camera
         if camera is None:
             raise StageError("this service has no camera", "send a photograph of the part instead")

@@ -1,7 +1,5 @@
-"""Access control: tokens with scopes, required of every caller but the user that runs the service.
-
-A caller's user is that of its program's socket on this machine (Linux).
-"""
+"""Access control: tokens with scopes, required of every caller but the user that runs the service. A caller's user is
+that of its program's socket on this machine (Linux)."""
 
 from __future__ import annotations
 
@@ -55,11 +53,9 @@ class Caller:
 
 
 class Access:
-    """Identify the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
-
-    The cookie names a session that the store keeps. `token_of` is asked once a request, at the door; the routes ask
-    `caller`, which remembers.
-    """
+    """Identify the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie. The cookie
+    names a session that the store keeps. `token_of` is asked once a request, at the door; the routes ask `caller`,
+    which remembers."""
 
     def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
         """`own_user`: whether callers of other users of this machine need a token, as the door has found them."""
@@ -84,7 +80,6 @@ class Access:
         return Caller(record.scopes, record.name)
 
     def token_of(self, request: HTTPConnection) -> TokenRecord:
-        """The token of a request. Raises DeniedError: it has none, or one that does not hold."""
         kind, _, secret = request.headers.get("authorization", "").partition(" ")
         bearer, cookie = kind.lower() == "bearer", request.cookies.get(COOKIE, "")
         if not (bearer or cookie):
