@@ -10,8 +10,11 @@ characters.
 Variants without fitted weights, with n the recogniser's posterior at a place, and m that of the faces alone
 (`believe_faces`, with its fitted sharpness):
 
-    half and half    log p = (log n + log m) / 2    up to a constant
-    product          log p = log n + log m
+    no library, sharper    log p = 1.25 log n    up to a constant
+    half and half          log p = (log n + log m) / 2
+    product                log p = log n + log m
+
+The power 1.25 is the recogniser's usual weight beside the faces, fitted to lines of other parts.
 """
 
 from __future__ import annotations
@@ -67,7 +70,9 @@ class Variant:
     name: str
     faces: int = 80  # size of the library
     experts: tuple[str, ...] = EXPERTS
-    power: float | None = None  # power of the posteriors of recogniser and faces; None: fitted weights
+    powers: tuple[float, float] | None = (
+        None  # of the posteriors of recogniser and faces; None: fitted weights
+    )
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
@@ -78,10 +83,11 @@ class Variant:
             return replace(whole, faces=whole.faces.of(np.arange(self.faces)))
 
         def weights(sense: str) -> ExpertWeights:
-            fitted, power = fitted_weights(sense), self.power
-            if power is None:
+            fitted = fitted_weights(sense)
+            if self.powers is None:
                 return fitted
-            return replace(fitted, network=power, network_fit=0.0, faces=power, faces_fit=0.0)
+            network, faces = self.powers
+            return replace(fitted, network=network, network_fit=0.0, faces=faces, faces_fit=0.0)
 
         with (
             mock.patch.object(touch, "face_library", library),
@@ -93,11 +99,12 @@ class Variant:
 WHOLE = Variant("80 faces")
 VARIANTS = (
     Variant("no library", experts=("network",)),
+    Variant("no library, sharper", powers=(1.25, 0.0)),
     Variant("10 faces", faces=10),
     Variant("40 faces", faces=40),
     WHOLE,
-    Variant("80 faces, half and half", power=0.5),
-    Variant("80 faces, product", power=1.0),
+    Variant("80 faces, half and half", powers=(0.5, 0.5)),
+    Variant("80 faces, product", powers=(1.0, 1.0)),
 )
 
 
