@@ -22,7 +22,15 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from glyphs.fonts.outlines import load_font
-from recognition.glyph_match.combine import FITTED, ExpertWeights, LineExperts, believe_faces, combine_experts
+from pipeline.benchmark.analysis.estimates import ratio, resample
+from recognition.glyph_match.combine import (
+    FITTED,
+    ExpertWeights,
+    LineExperts,
+    believe_faces,
+    combine_experts,
+    fitted_weights,
+)
 from recognition.glyph_match.face_library import Sense, face_library
 from recognition.glyph_match.faces import compare_faces
 from recognition.glyph_match.felt_line import FeltLine
@@ -44,6 +52,8 @@ SCALES = {
     "faces": 0.2, "faces_fit": 0.5, "depths": 0.2,
 }  # fmt: skip
 """Weights that are fitted, and their usual changes. The others keep their start: no log loss tells them apart."""
+ALONE = replace(START, network_fit=0.0, faces=0.0, faces_fit=0.0, depths=0.0)
+"""The recogniser alone, its posteriors scaled to what the format allows; only its power is fitted."""
 SENSES: tuple[Sense, ...] = ("tactile", "vision")
 SIZES = (10, 40)
 """Sizes of smaller libraries that are compared."""
@@ -203,20 +213,26 @@ def loss_of(log: Floats, truth: NDArray[np.intp], *, slip: float = 1e-4, most: f
 
 
 def fit(
-    cases: Sequence[Case], *, start: ExpertWeights = START, ridge: float = 1.0, steps: int = 10
+    cases: Sequence[Case],
+    *,
+    start: ExpertWeights = START,
+    scales: Mapping[str, float] = SCALES,
+    ridge: float = 1.0,
+    steps: int = 10,
 ) -> ExpertWeights:
     """Weights with the least log loss.
 
     Args:
         cases: lines under several conditions.
         start: weights from which the fit starts, and towards which it is drawn.
+        scales: weights that are fitted, and their usual changes.
         ridge: draw, nats per squared usual change.
         steps: most steps.
     """
     batches = Batch.of(cases)
 
     def weights(changes: Floats) -> ExpertWeights:
-        pairs = zip(SCALES.items(), changes, strict=True)
+        pairs = zip(scales.items(), changes, strict=True)
         return replace(
             start, **{name: getattr(start, name) + scale * change for (name, scale), change in pairs}
         )
@@ -225,10 +241,10 @@ def fit(
         losses = (float(batch.log_loss(weights(changes)).sum()) for batch in batches)
         return sum(losses) + ridge * float((changes**2).sum())
 
-    bounds = [(-2.0, 6.0)] * len(SCALES)
+    bounds = [(-2.0, 6.0)] * len(scales)
     options = {"maxiter": steps, "eps": 0.02}
     return weights(
-        minimize(total, np.zeros(len(SCALES)), method="L-BFGS-B", bounds=bounds, options=options).x
+        minimize(total, np.zeros(len(scales)), method="L-BFGS-B", bounds=bounds, options=options).x
     )
 
 
@@ -244,35 +260,52 @@ def folds_of(cases: Sequence[Case]) -> Sequence[tuple[list[int], list[int]]]:
     return folds
 
 
-def losses_left_out(cases: Mapping[str, Sequence[Case]]) -> dict[str, list[Floats]]:
+def losses_left_out(
+    cases: Mapping[str, Sequence[Case]],
+    *,
+    start: ExpertWeights = START,
+    scales: Mapping[str, float] = SCALES,
+) -> dict[str, list[Floats]]:
     """Losses of each line under each condition, by weights of other generators and fonts.
 
     Args:
         cases: lines under each condition, in the same order.
+        start, scales: as of `fit`.
     """
     lines = cases[CONDITIONS[0]]
     losses: dict[str, list[Floats]] = {name: [np.zeros(0)] * len(lines) for name in cases}
     for learned, left in folds_of(lines):
-        weights = fit([cases[name][k] for name in CONDITIONS for k in learned])
+        weights = fit([cases[name][k] for name in CONDITIONS for k in learned], start=start, scales=scales)
         for name, of_name in cases.items():
             for k in left:
-                (batch,) = Batch.of([of_name[k]])
-                losses[name][k] = batch.log_loss(weights)[0]
+                (losses[name][k],) = losses_of([of_name[k]], weights)
     return losses
 
 
+def losses_of(cases: Sequence[Case], weights: ExpertWeights) -> list[Floats]:
+    """Losses of each line."""
+    return [batch.log_loss(weights)[0] for case in cases for batch in Batch.of([case])]
+
+
 def print_losses(rows: Mapping[str, Sequence[Floats]], lines: Sequence[Case]) -> None:
-    """Print mean log losses of a character by severity, and by generator."""
+    """Print mean log losses of a character by severity, and by generator, and what each row adds to "no font"."""
     groups: dict[str, list[int]] = {
         str(s): [k for k, c in enumerate(lines) if c.severity == s] for s in SEVERITIES
     }
     groups |= {g: [k for k, c in enumerate(lines) if c.generator == g] for g in GENERATORS}
     groups["all"] = list(range(len(lines)))
-    print("| | " + " | ".join(f"{name} ({len(of)})" for name, of in groups.items()) + " |")
-    print("|---" * (len(groups) + 1) + "|")
+    print("| | " + " | ".join(f"{name} ({len(of)})" for name, of in groups.items()) + " | more (95 %) |")
+    print("|---" * (len(groups) + 2) + "|")
     for name, losses in rows.items():
         means = (np.concatenate([losses[k] for k in of]).mean() if of else np.nan for of in groups.values())
-        print(f"| {name} | " + " | ".join(f"{mean:.4f}" for mean in means) + " |", flush=True)
+        interval = "" if name == "no font" else _difference(losses, rows["no font"])
+        print(f"| {name} | {' | '.join(f'{mean:.4f}' for mean in means)} | {interval} |", flush=True)
+
+
+def _difference(losses: Sequence[Floats], others: Sequence[Floats]) -> str:
+    sums = [(own.sum() - other.sum(), own.size) for own, other in zip(losses, others, strict=True)]
+    more = resample(np.array(sums), ratio, least=-1.0)
+    return f"{more.value:+.4f} ({more.low:+.4f} to {more.high:+.4f})"
 
 
 def main(lines: Path, fonts: Path, *, work: Path, write: bool = False) -> None:
@@ -292,7 +325,14 @@ def main(lines: Path, fonts: Path, *, work: Path, write: bool = False) -> None:
         weights[sense] = asdict(fit([case for name in CONDITIONS for case in cases[name]]))
         print(sense, json.dumps({name: round(value, 3) for name, value in weights[sense].items()}))
         network = [loss_of(case.experts.network, case.truth) for case in cases["no font"]]
-        rows = {"recogniser": network, **losses_left_out(cases)}
+        scales = {"network": SCALES["network"]}
+        alone = losses_left_out({name: cases[name] for name in CONDITIONS}, start=ALONE, scales=scales)
+        rows = {
+            "recogniser": network,
+            "recogniser to a fitted power": alone["no font"],
+            **losses_left_out(cases),
+            "present weights, no font": losses_of(cases["no font"], fitted_weights(sense)),
+        }
         print_losses(rows, cases["no font"])
     if write:
         manifest = {
