@@ -364,9 +364,16 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
                 for mode in SOURCES:
                     reading = read(part, mode, fitted)
                     if reading is not None:
-                        score = fitted.scores[reading.source].probability(reading.measures)
-                        judged.append(Judged(mode, reading, score))
+                        judged.append(Judged(mode, reading, score_reading(reading, fitted)))
     return judged
+
+
+def score_reading(reading: KnownReading, fitted: Fit) -> float:
+    """The score; both senses together are no less sure of a text than one of them alone."""
+    both = reading.source == "fused"
+    senses = [_by_sense(reading.part, sense) for sense in ("tactile", "vision") if both]
+    same_text = [sense for sense in senses if sense is not None and sense.text == reading.text]
+    return max(fitted.scores[r.source].probability(r.measures) for r in (reading, *same_text))
 
 
 Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
