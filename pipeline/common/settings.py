@@ -303,8 +303,7 @@ class PartSettings(Settings):
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
     accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] | None = None
-    """Greatest share of wrong readings among those accepted, such as 1/100. Default: 1 in 1,000; a sense that was not
-    shown to keep it accepts at the least risk that it keeps."""
+    """Greatest share of wrong readings among those accepted (default: 1/1000, or the least that a sense keeps)."""
 
 
 class ReadSettings(MapSettings, PartSettings):
