@@ -148,7 +148,7 @@ class AblatedPart:
 @cache
 def reader_of(format: str, experts: tuple[str, ...]) -> Reader:
     """The reader of a format; it keeps what it has compiled and predicted."""
-    return Reader(format=format, experts=experts)
+    return Reader(format=format, experts=experts, accept_risk=0.01)
 
 
 def read_variants(part: DrawnPart, sweeps: KeptSweeps) -> AblatedPart:
