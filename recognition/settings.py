@@ -15,8 +15,8 @@ from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import OneLine
 from recognition.decide.decision import CertifiedAcceptance
 from recognition.decide.depth_rules import DepthRule
-from recognition.decide.risk import least_score, require_kept
-from recognition.decide.risk_text import USUAL_RISK, check_risk
+from recognition.decide.risk import least_score, require_kept, risk_of
+from recognition.decide.risk_text import check_risk
 from recognition.find.region import Region, check_region
 from recognition.find.request import LineFormat, LineRequest
 from recognition.language.grammar import Grammar
@@ -36,7 +36,7 @@ class ReaderOptions(TypedDict, total=False):
     format: str | Grammar | None
     height_mm: float | None
     array: VirtualArray
-    accept_risk: float
+    accept_risk: float | None
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
     region: Region | None
@@ -55,6 +55,8 @@ class ReaderSettings(OneLine):
             the marks.
         format: format of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None if unknown.
+        accept_risk: greatest share of wrong readings among those accepted (default: 1 in 1,000; a sense that was not
+            shown to keep it accepts at the least risk that it keeps).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
             (default: anywhere).
         orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
@@ -66,7 +68,7 @@ class ReaderSettings(OneLine):
     format: str | Grammar | None = None
     height_mm: float | None = None
     array: VirtualArray = USUAL_ARRAY
-    accept_risk: float = USUAL_RISK
+    accept_risk: float | None = None
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
     region: Region | None = None
@@ -82,8 +84,8 @@ class ReaderSettings(OneLine):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
         if self.limit_s is not None and not self.limit_s > 0.0:
             raise ValueError(f"limit_s is {self.limit_s}; a time limit is a positive number of seconds")
-        if check_risk(self.accept_risk) != USUAL_RISK:  # one that was chosen
-            require_kept(self.accept_risk)
+        if self.accept_risk is not None:
+            require_kept(check_risk(self.accept_risk))
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # a tuple of pairs, so that settings can be dictionary keys
@@ -100,9 +102,13 @@ class ReaderSettings(OneLine):
         """Whether a line that the recogniser has read is compared with the faces of the library and named fonts."""
         return set(self.experts) == set(EXPERTS)
 
+    def risk_of(self, source: str) -> float:
+        """Greatest share of wrong readings among those of a source that are accepted."""
+        return risk_of(source, self.accept_risk)
+
     def least_score(self, source: str) -> float:
         """Least score from which a text of a source of readings is accepted, or counts as sure."""
-        return least_score(source, self.accept_risk)
+        return least_score(source, self.risk_of(source))
 
     @cached_property
     def line_formats(self) -> Mapping[str, LineFormat]:

@@ -179,7 +179,7 @@ class ReadingRecord:
         stopped: why touch stopped: sure, no gain, budget, all felt, nothing found or stage failed.
         faults: of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
-        accept_risk: greatest share of wrong readings among those accepted, by the settings; None without a reading.
+        accept_risk: greatest share of wrong readings among those accepted of this sense; None without a reading.
     """
 
     source: str

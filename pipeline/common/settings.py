@@ -302,8 +302,8 @@ class PartSettings(Settings):
     """Character height in mm (default: measured)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
-    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] = 0.01
-    """Greatest share of wrong readings among those accepted, such as 1/100."""
+    accept_risk: Annotated[float, BeforeValidator(_risk), Field(gt=0.0, lt=1.0)] | None = None
+    """Greatest share of wrong readings among those accepted (default: 1/1000, or the least that a sense keeps)."""
 
 
 class ReadSettings(MapSettings, PartSettings):
@@ -368,7 +368,7 @@ class ReadSettings(MapSettings, PartSettings):
 
     def check_accept_risk(self) -> None:
         """Check that a sense keeps the accepted risk, if one was set. Raises MarksError: none does."""
-        if "accept_risk" in self.model_fields_set:
+        if self.accept_risk is not None:
             from recognition.decide.risk import require_kept  # slow
 
             require_kept(self.accept_risk, self.sources)

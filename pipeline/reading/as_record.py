@@ -80,7 +80,7 @@ def reading_record(
         passes=() if scan is None or log is None else _passes(log, scan.touch.preload_mm),
         stage_s=None if log is None else round(log.stage_s, 3),
         stopped="" if log is None else log.stopped,
-        accept_risk=settings.accept_risk,
+        accept_risk=reading.accept_risk,
         faults=() if reading.touch is None else bench_faults(reading.touch.findings),
     )
 

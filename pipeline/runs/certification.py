@@ -34,7 +34,7 @@ from pipeline.runs.journal import Journal, resumable
 from pipeline.runs.production import parts_for
 from pipeline.runs.progress import Progress
 from pipeline.workers.options import WorkerSettings
-from recognition.decide.risk import least_score, require_kept
+from recognition.decide.risk import least_score, risk_of
 
 
 class CertificationJournal(Journal[ReadPart]):
@@ -93,8 +93,9 @@ def certify(
             hint="certify the parts of each format separately, with --format and --font",
         )
     open_reader(settings)  # refuse invalid settings before anything is read
-    require_kept(settings.accept_risk, settings.sources)
-    least = min(least_score(source, settings.accept_risk) for source in settings.sources)
+    settings.check_accept_risk()
+    risks = {source: risk_of(source, settings.accept_risk) for source in settings.sources}
+    least = min(least_score(source, risk) for source, risk in risks.items())
     description = {
         "settings": settings_described(settings),
         "mode": settings.mode,

@@ -20,6 +20,7 @@ MOST_REASONS = 8
 _MOST_KINDS = 500
 _MOST_KIND = 160
 _SLOWEST = 5
+_LOW = ReadingFlag.LOW_CONFIDENCE.name.lower()
 # details of an error that differ from part to part: numbers, and names in quotes
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:[.,]\d+)*(?!\w)")
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
@@ -38,6 +39,7 @@ class Summary:
     misfits: Counter[str] = field(default_factory=Counter)  # by how a clear text does not fit the format
     seconds: float = 0.0
     slowest: list[tuple[float, str]] = field(default_factory=list)  # (seconds, part), slowest first
+    unsure: int = 0  # parts whose low score is the only reason against them
 
     def add(self, record: ReadingRecord) -> None:
         self.parts += 1
@@ -51,6 +53,7 @@ class Summary:
         if record.verdict:
             self.verdicts[record.verdict] += 1
         if record.decision != "accept":
+            self.unsure += {reason.code for reason in record.reasons} == {_LOW}
             for code in dict.fromkeys(reason.code for reason in record.reasons):
                 _count(self.reasons, _words(code, record.messages))
             for message in record.messages:
@@ -76,6 +79,10 @@ class Summary:
             lines += [f"  {n:>6,}  {kind}" for kind, n in shown]
             if len(counter) > len(shown):
                 lines.append(f"  ... and {len(counter) - len(shown)} more kinds")
+        if self.unsure:
+            lines.append(
+                f"{self.unsure:,} of these lack nothing but a higher score: a larger --accept-risk accepts more"
+            )
         lines += self._format_hints()
         if self.reasons:
             lines.append(f"what these words mean: {GLOSSARY}")

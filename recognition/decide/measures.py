@@ -59,16 +59,23 @@ def measure_text(
     known: Mapping[Measure, float] = Measures(groups)
     if without:
         known = {name: value for name, value in known.items() if name not in without}
-    score = score_of(choice.scored_as).probability(known) if choice.characters else 0.0
+    score = _score(choice, known) if choice.characters else 0.0
     margin = min((place.margin for place in choice.characters), default=0.0)
     of_score = {Measure.CONFIDENCE: round(score, DIGITS), Measure.MARGIN: margin}
     return replace(
         choice,
-        accept_risk=settings.accept_risk,
+        accept_risk=settings.risk_of(choice.scored_as),
         threshold=settings.least_score(choice.scored_as),
         measures=Measures({**groups, tuple(of_score): lambda: of_score}),
         score=score,
     )
+
+
+def _score(choice: Choice, measures: Mapping[Measure, float]) -> float:
+    """The score; both senses together are no less sure of a text than one of them alone."""
+    alone = choice.alone.values() if choice.is_fused else ()
+    same_text = (reading.confidence for reading in alone if reading.plain_text == choice.text)
+    return max([score_of(choice.scored_as).probability(measures), *same_text])
 
 
 def _with_marks(choice: Choice) -> Choice:

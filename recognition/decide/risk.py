@@ -1,5 +1,6 @@
 """The accepted risk: the greatest share of wrong readings among those accepted.
 
+none is set --1 in 1,000, or the least that the sense keeps--> risk
 risk --thresholds tested for the sense--> the least score that keeps it: accepted from there
                                      \\--> none: a contract is broken, and nothing is accepted
 """
@@ -11,7 +12,7 @@ from functools import cache
 
 from glyphs.errors import MarksError
 from recognition.decide.decision import Finding, ReadingFlag
-from recognition.decide.risk_text import CANNOT_PROMISE, risk_in_words
+from recognition.decide.risk_text import CANNOT_PROMISE, USUAL_RISK, risk_in_words
 from recognition.decide.score import SENSE_NAMES, SOURCES, score_of
 
 _INSTEAD = {
@@ -19,6 +20,14 @@ _INSTEAD = {
     "vision": "touch the part",
     "fused": "read it by touch alone",
 }
+
+
+def risk_of(source: str, accept_risk: float | None) -> float:
+    """Accepted risk of a source of readings: the one that is set, or else `USUAL_RISK`, or the least that it keeps."""
+    if accept_risk is not None:
+        return accept_risk
+    least = score_of(source).least_risk
+    return max(USUAL_RISK, least) if least < 1.0 else USUAL_RISK
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 
-USUAL_RISK = 0.01
-"""Greatest share of wrong readings among those accepted, if no other is set."""
+USUAL_RISK = 0.001
+"""Greatest share of wrong readings among those accepted, if no other is set (`risk.risk_of`)."""
 CANNOT_PROMISE = "cannot promise"
 """Words of the message that a sense does not keep the risk; `pipeline.runs.summary` counts these messages."""
 _ODDS = re.compile(r"(\d+)\s*(?:/|in)\s*(\d[\d,]*)", re.IGNORECASE)

@@ -8,7 +8,8 @@
     probability of the least sure place ------------------------------------+
 
 The whole serial is never surer than its least sure place. Each term is a piecewise linear curve that only rises or only
-falls: a better value never lowers the score. Touch, the camera and both together have weights of their own.
+falls: a better value never lowers the score. Touch, the camera and both together have weights of their own. The score
+of both is not below that of either alone for the same text: dirt before the camera does not make touch less sure.
 
 For each risk the fit keeps the least score at which readings of generators that the fit had left out were wrong no more
 often. Weights and thresholds are in `score.fit.json`; `python tests/benchmarks/fit_score.py` fits them.

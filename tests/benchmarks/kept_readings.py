@@ -10,10 +10,12 @@ measures. `fit_score.py` fits from this file.
 
 from __future__ import annotations
 
+import json
 import pickle
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,13 @@ from numpy.typing import NDArray
 
 from recognition.decide.decision import BROKEN, ReadingFlag
 from recognition.decide.score import Measure
+from recognition.find import finder
+from recognition.glyph_match import face_library
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.learning.training_fonts import family
+from recognition.recogniser import recogniser
 from recognition.recogniser.read_line import with_slip
 from tests.benchmarks.risk_parts import SOILS
 
@@ -192,6 +198,29 @@ def _lattice(chars: tuple[str, ...], rows: NDArray[np.float16]) -> Lattice:
     return Lattice(chars, log - np.maximum(np.logaddexp.reduce(log, axis=1), 0.0)[:, None])
 
 
+_MANIFESTS = tuple(
+    Path(module.__file__ or "").with_name(f"{name}.fit.json")
+    for module, name in ((face_library, "face_library"), (recogniser, "recogniser"), (finder, "finder"))
+)
+
+
+def is_learned(font: str) -> bool:
+    """Whether library, recogniser or finder have learned from a font of this family."""
+    return any(learned.startswith(family(Path(font))) for learned in _learned_fonts())
+
+
+@cache
+def _learned_fonts() -> frozenset[str]:
+    names = {name for path in _MANIFESTS for name in json.loads(path.read_text("utf-8"))["fonts"]}
+    return frozenset(re.sub(r"[^a-z0-9]", "", Path(name).stem.lower()) for name in names)
+
+
+def of_parts(columns: Mapping[str, NDArray[Any]], chosen: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+    """The columns of some parts."""
+    rows = {f"{source}_log": np.repeat(chosen, columns[f"{source}_places"]) for source in SENSES}
+    return {name: values[rows.get(name, chosen)] for name, values in columns.items()}
+
+
 def with_parts(
     columns: Mapping[str, NDArray[Any]], further: Mapping[str, NDArray[Any]], *, with_format: bool = False
 ) -> dict[str, NDArray[Any]]:
@@ -199,17 +228,14 @@ def with_parts(
     more = ~np.isin(further["number"], columns["number"])
     if with_format:
         more &= further["format"] != ""
-    added = {name: further[name][more] for name in columns if not name.endswith("_log")}
-    for source in SENSES:
-        rows = np.repeat(more, further[f"{source}_places"])
-        added[f"{source}_log"] = further[f"{source}_log"][rows]
+    added = of_parts({name: further[name] for name in columns}, more)
     return {name: np.concatenate([values, added[name]]) for name, values in columns.items()}
 
 
 def main(
     readings: Path, *, out: Path = KEPT, same_reader: Path | None = None, with_format: bool = False
 ) -> None:
-    """Pack the readings of a folder.
+    """Pack the readings of a folder, without parts in fonts that the reader has learned.
 
     Args:
         readings: folder of `risk_parts.py`.
@@ -225,6 +251,7 @@ def main(
         with np.load(same_reader) as further:
             arrays = {name: further[name] for name in further.files}
         columns = with_parts(columns, arrays, with_format=with_format)
+    columns = of_parts(columns, np.array([not is_learned(str(font)) for font in columns["font"]]))
     np.savez_compressed(out, **columns)
     print(f"{columns['number'].size:,} parts")
 

@@ -19,10 +19,8 @@ The power 1.25 is the recogniser's usual weight beside the faces, fitted to line
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -41,22 +39,15 @@ from pipeline.benchmark.analysis.estimates import Estimate, draw_parts, mcnemar,
 from recognition import touch
 from recognition.decide.decision import BROKEN, Decision
 from recognition.decide.reading import Reading
-from recognition.find import finder
-from recognition.glyph_match import face_library as library_file
 from recognition.glyph_match import faces
 from recognition.glyph_match.combine import ExpertWeights, fitted_weights
 from recognition.glyph_match.face_library import FaceLibrary, Sense, face_library
-from recognition.learning.training_fonts import family
 from recognition.reader import Reader
-from recognition.recogniser import recogniser
 from recognition.recogniser.steps import EXPERTS
 from tests.benchmarks.drawn_parts import DrawnPart, KeptSweeps, load_part, unread_parts
 from tests.benchmarks.fit_experts import loss_of
+from tests.benchmarks.kept_readings import is_learned
 
-MANIFESTS = tuple(
-    Path(module.__file__ or "").with_name(f"{name}.fit.json")
-    for module, name in ((library_file, "face_library"), (recogniser, "recogniser"), (finder, "finder"))
-)
 MOST_LOSS = 9.0
 """Loss of a character of a line that was not read, nats: the greatest of `loss_of`."""
 WRONG = (1, 3, 5)
@@ -154,21 +145,10 @@ class AblatedPart:
         return {**vars(self), "readings": {name: vars(reading) for name, reading in self.readings.items()}}
 
 
-def is_learned(font: str) -> bool:
-    """Whether library, recogniser or finder have learned from a font of the family."""
-    return any(learned.startswith(family(Path(font))) for learned in _learned_fonts())
-
-
-@cache
-def _learned_fonts() -> frozenset[str]:
-    names = {name for path in MANIFESTS for name in json.loads(path.read_text("utf-8"))["fonts"]}
-    return frozenset(re.sub(r"[^a-z0-9]", "", Path(name).stem.lower()) for name in names)
-
-
 @cache
 def reader_of(format: str, experts: tuple[str, ...]) -> Reader:
     """The reader of a format; it keeps what it has compiled and predicted."""
-    return Reader(format=format, experts=experts)
+    return Reader(format=format, experts=experts, accept_risk=0.01)
 
 
 def read_variants(part: DrawnPart, sweeps: KeptSweeps) -> AblatedPart:

@@ -61,7 +61,7 @@ def read_lot(font: Path, *, parts: int, severity: float, seed: int) -> dict[str,
             stem = Path(folder) / f"part-{number:03d}"
             texts[stem.name] = write_part(spec, stem, number, photos=False)
             files.append(PartFiles(stem.name, height_map=str(stem.with_suffix(".npz"))))
-        settings = ReadSettings(format=(FORMAT,), mode="tactile")
+        settings = ReadSettings(format=(FORMAT,), mode="tactile", accept_risk=0.01)
         start = time.process_time()
         first = {
             part.name: facts_of(reading_of(PartJob(part, settings)), texts[part.name], part.name)

@@ -105,7 +105,7 @@ def plates(
             for font in fonts.split(","):
                 part = stamp(text, fonts=font, height_mm=HEIGHT_MM, seed=(seed, number))
                 for orientation in Orientation:
-                    reader = Reader(format=mask, orientation=orientation)
+                    reader = Reader(format=mask, orientation=orientation, accept_risk=0.01)
                     for rows_known in (True, False):
                         for sense, way, read in readings(
                             part, reader, set(senses.split(",")), rows_known=rows_known

@@ -274,7 +274,7 @@ def score_mark() -> str:
 @cache
 def reader_of(cell: Cell) -> Reader:
     """The reader of a cell, which keeps its templates."""
-    return Reader(format=FORMAT, array=CellArray(cell=cell))
+    return Reader(format=FORMAT, array=CellArray(cell=cell), accept_risk=0.01)
 
 
 @contextmanager

@@ -27,17 +27,18 @@ def row(command: Command, height_map: Path, *flags: str) -> dict[str, Any]:
     return found
 
 
-def test_one_in_a_hundred_is_accepted_unless_another_risk_is_set(
+def test_one_in_a_thousand_is_accepted_unless_another_risk_is_set(
     command: Command, height_map: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usual = row(command, height_map)
-    assert (usual["text"], usual["decision"], usual["accept_risk"]) == ("K7", "accept", 0.01)
+    assert (usual["text"], usual["decision"], usual["accept_risk"]) == ("K7", "accept", 0.001)
     Path("tactile-marks.toml").write_text('accept_risk = "1 in 50"\n', encoding="utf-8")
     assert row(command, height_map)["accept_risk"] == 0.02
     monkeypatch.setenv("TACTILE_MARKS_ACCEPT_RISK", "1/20")
     assert row(command, height_map)["accept_risk"] == 0.05
-    flagged = row(command, height_map, "--accept-risk", "1 in 100")
-    assert {**flagged, "at": 0, "seconds": 0} == {**usual, "at": 0, "seconds": 0}
+    flagged = row(command, height_map, "--accept-risk", "1 in 1000")
+    besides = {"at": 0, "seconds": 0, "settings": "with a risk that is set"}
+    assert {**flagged, **besides} == {**usual, **besides}
 
 
 def test_python_takes_the_same_risk(height_map: Path) -> None:
@@ -49,7 +50,7 @@ def test_python_takes_the_same_risk(height_map: Path) -> None:
     assert lenient.accept_risk == 0.05
     assert lenient.threshold is not None
     assert lenient.threshold < reading.threshold
-    assert ReaderSettings().accept_risk == 0.01
+    assert ReaderSettings().risk_of("tactile") == ReaderSettings().risk_of("fused") == 0.001
 
 
 def test_a_risk_that_no_sense_keeps_is_refused_before_anything_is_read(

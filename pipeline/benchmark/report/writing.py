@@ -151,7 +151,7 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], statistics: Statistic
         "effects": {(e.mode, e.factor): e for e in statistics.effects},
         "cells": None if set(statistics.crossed) <= {"severity"} else _cells(statistics.cells),
         "wrong": _sort_groups(statistics.by_mode),
-        "accept_risk": (risk := benchmark.reading.accept_risk),
+        "accept_risk": (risk := benchmark.accept_risk),
         "wrong_needs": parts_needed(risk, confidence=CONFIDENCE_LEVEL),
         "experts": [m for m in modes if m in EXPERTS],
         "peers": [m for m in modes if m in PEERS],

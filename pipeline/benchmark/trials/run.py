@@ -26,6 +26,7 @@ from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
 from pipeline.runs.progress import Progress
 from pipeline.workers.executors import Executor
+from recognition.decide.risk_text import USUAL_RISK
 from recognition.decide.score import FITTED
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
@@ -76,6 +77,12 @@ class Benchmark:
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
         }
+
+    @property
+    def accept_risk(self) -> float:
+        """Risk at which readers are compared."""
+        risk = self.reading.accept_risk
+        return USUAL_RISK if risk is None else risk
 
     @property
     def crossed(self) -> tuple[str, ...]:

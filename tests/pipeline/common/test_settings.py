@@ -19,7 +19,7 @@ from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
 from recognition.decide import risk as room
 from recognition.decide.risk_text import USUAL_RISK
-from recognition.decide.score import score_of
+from recognition.decide.score import SOURCES, score_of
 from recognition.language.grammar import Grammar
 from recognition.recogniser.steps import EXPERTS
 from recognition.settings import ReaderSettings
@@ -70,13 +70,17 @@ def test_a_risk_that_is_set_must_be_kept_by_a_sense_of_the_mode(monkeypatch: pyt
     monkeypatch.setattr(room, "threshold_of", lambda source, risk: None if source == "vision" else 0.9)
     with pytest.raises(MarksError, match="the camera cannot promise 1 in 1,000; allow 1 in"):
         open_reader(ReadSettings(mode="vision", accept_risk=0.001))
-    # what was not set is no reason to read nothing; the readings say that they are not accepted
-    assert open_reader(ReadSettings(mode="vision")).settings.accept_risk == USUAL_RISK
     assert open_reader(ReadSettings(accept_risk=0.001)).settings.accept_risk == 0.001
 
 
-def test_the_usual_risk_is_that_of_the_reader() -> None:
-    assert ReadSettings().accept_risk == ReaderSettings().accept_risk == USUAL_RISK
+def test_without_a_risk_a_sense_accepts_at_the_usual_one_or_the_least_that_it_keeps() -> None:
+    settings = open_reader(ReadSettings()).settings
+    assert settings == ReaderSettings()
+    for source in SOURCES:
+        least = score_of(source).least_risk
+        assert settings.risk_of(source) == max(USUAL_RISK, least)
+        assert settings.least_score(source) == score_of(source).threshold(max(USUAL_RISK, least))
+    assert ReaderSettings(accept_risk=0.05).risk_of("vision") == 0.05
 
 
 def test_the_readers_are_told_who_has_a_say() -> None:

@@ -170,6 +170,14 @@ def test_both_doubtful_of_the_same_are_sure_together() -> None:
     assert read.confidence > 0.9
 
 
+def test_a_camera_that_dirt_misleads_does_not_make_touch_less_sure() -> None:
+    felt = touch(of_text("AB1234", [0.9999, 0.9999, 0.995, 0.9999, 0.9999, 0.9999], rival="AB7234"))
+    misled = vision(of_text("AB1234", [0.9, 0.9, 0.2, 0.9, 0.9, 0.9], rival="AB7234"))
+    read, by_touch = fuse(felt, misled, SETTINGS), alone(felt)
+    assert (read.text, read.decision, read.source) == ("AB1234", Decision.ACCEPT, "fused")
+    assert read.confidence == by_touch.confidence > min(place.confidence for place in read.characters)
+
+
 def test_the_photograph_of_another_part_sends_it_to_review() -> None:
     read = fuse(touch(of_text("RY354206", 0.99999)), vision(of_text("TG391882", 0.999)), EIGHT)
     assert read.decision is Decision.REVIEW
@@ -359,11 +367,11 @@ def test_a_camera_that_does_not_keep_the_risk_is_accepted_only_with_touch(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(room, "threshold_of", lambda source, risk: None if source == "vision" else 0.5)
-    seen = vision(of_text("AB1234", 0.99999))
-    for by_camera in (alone(seen), fuse(touch(None), seen, SETTINGS)):
+    seen, strict = vision(of_text("AB1234", 0.99999)), replace(SETTINGS, accept_risk=0.001)
+    for by_camera in (alone(seen, strict), fuse(touch(None), seen, strict)):
         assert (by_camera.text, by_camera.decision) == ("AB1234", Decision.REVIEW)
-        assert by_camera.messages()[0].startswith("the camera cannot promise 1 in 100 (touch the part, or")
-    both = fuse(touch(of_text("AB1234", 0.99999)), seen, SETTINGS)
+        assert by_camera.messages()[0].startswith("the camera cannot promise 1 in 1,000 (touch the part, or")
+    both = fuse(touch(of_text("AB1234", 0.99999)), seen, strict)
     assert (both.decision, both.messages()) == (Decision.ACCEPT, ())
 
 

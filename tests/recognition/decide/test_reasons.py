@@ -54,7 +54,7 @@ def review(
     return Reading(characters, confidence, (*doubts, *general, *findings))
 
 
-LOW = "confidence 0.300 is below the threshold 0.98 for 1 in 100"
+LOW = "confidence 0.300 is below the threshold 0.98 for 1 in 1,000"
 
 
 def test_low_confidence_names_the_places_worst_first() -> None:
@@ -65,11 +65,11 @@ def test_low_confidence_names_the_places_worst_first() -> None:
 def test_a_confidence_below_the_threshold_is_told_in_numbers() -> None:
     reading = review(SURE, CLOSE, flags=UNSURE, confidence=0.965)
     assert reading.messages() == (
-        "confidence 0.965 is below the threshold 0.98 for 1 in 100: 1 or I at place 2?",
+        "confidence 0.965 is below the threshold 0.98 for 1 in 1,000: 1 or I at place 2?",
     )
     # the confidence of now counts, and it never looks like the threshold
     reading = review(SURE, flags=UNSURE, confidence=0.97996)
-    assert reading.messages() == ("confidence 0.97996 is below the threshold 0.98 for 1 in 100",)
+    assert reading.messages() == ("confidence 0.97996 is below the threshold 0.98 for 1 in 1,000",)
 
 
 def test_findings_of_one_kind_are_one_reason() -> None:
@@ -99,9 +99,9 @@ def test_a_place_that_cannot_be_read_is_not_guessed_at() -> None:
     [
         (
             1.0,
-            "confidence 0.960 is below the threshold 0.98 for 1 in 100: K at place 1 is the least certain",
+            "confidence 0.960 is below the threshold 0.98 for 1 in 1,000: K at place 1 is the least certain",
         ),
-        (0.5, "confidence 0.960 is below the threshold 0.98 for 1 in 100: are there 2 characters?"),
+        (0.5, "confidence 0.960 is below the threshold 0.98 for 1 in 1,000: are there 2 characters?"),
     ],
 )
 def test_where_no_place_has_a_rival_the_doubt_is_named_all_the_same(likely: float, words: str) -> None:
