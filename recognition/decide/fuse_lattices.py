@@ -9,8 +9,8 @@ rules out only what its format does, and the format acts later.
 The weight of the camera is below 1, for the dirt that leaves touch in doubt misleads it, too: two senses that see the
 same dirt do not add up as two that err independently. Weights are in `fuse_lattices.fit.json`; `python
 tests/benchmarks/fit_score.py` fits them: a conditional logit of the true character of each place. It also shows that
-weights which depend on contrast, roughness, cover or sureness of a sense lower the log loss on another generator by 2 %
-at most: what a sense knows of its own quality is in its posteriors.
+weights which depend on contrast, roughness, cover or sureness of a sense lower the log loss on another generator by at
+most 2.2 %: what a sense knows of its own quality is in its posteriors.
 """
 
 from __future__ import annotations
