@@ -104,7 +104,7 @@ class PictureView:
     whole: Rectangle = (0.0, 0.0, 1.0, 1.0)
     line: Rectangle = (0.0, 0.0, 1.0, 1.0)
     boxes: tuple[PictureBox, ...] = ()
-    # there is a picture, or one to come or lost; an edge map that nobody waits for takes no room
+    # False where no picture is expected: the page then leaves out its frame
     takes_room: bool = True
 
     @property
