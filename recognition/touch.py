@@ -59,13 +59,15 @@ class TactileReader:
         if "network" not in self.settings.experts:
             self.request = replace(self.request, templates=TemplateFonts(fonts, self.predict))
 
-    def of_recording(self, scan: Scan) -> SenseEvidence:
+    def of_recording(
+        self, scan: Scan, *, within_mm: tuple[float, float, float, float] | None = None
+    ) -> SenseEvidence:
         """Evidence of a recorded scan, without samples that faults of whiskers and bench spoil."""
         times, deadline = StepTimes(), Deadline(self.settings.limit_s)
         with times.step("faults"):
             faults = find_faults(scan)
             usable = flag_faults(scan, faults)
-        evidence = self.requesting(deadline=deadline).of_scan(usable, times=times)
+        evidence = self.requesting(deadline=deadline).of_scan(usable, times=times, within_mm=within_mm)
         findings = (*bench_findings(faults), *evidence.log.findings)
         return evidence.logged(findings=findings, stopped=deadline.stopped)
 
@@ -76,13 +78,14 @@ class TactileReader:
         times: StepTimes | None = None,
         about: TextLine | None = None,
         edges: EdgeMap | None = None,
+        within_mm: tuple[float, float, float, float] | None = None,
     ) -> SenseEvidence:
-        """Evidence of a scan; if `about` is given, no other line is searched for."""
+        """Evidence of a scan, or of the area `within_mm` of it; if `about` is given, no other line is searched for."""
         times = times if times is not None else StepTimes()
         log = Log(scan_findings(scan), scan=scan, rows_known=self.request.rows_known)
         with times.step("see"):
             try:
-                view, notes = see_scan(scan, edges)
+                view, notes = see_scan(scan, edge_map(scan, within_mm=within_mm) if edges is None else edges)
             except MapError as error:
                 return nothing_felt(error, replace(log, seconds=times.seconds))
         with times.step("find"):
@@ -144,9 +147,8 @@ class TactileReader:
         return self.predict(font, self.request.chars_of(font), key)
 
 
-def see_scan(scan: Scan, edges: EdgeMap | None = None) -> tuple[View, tuple[str, ...]]:
-    """View of a scan, and a note if it has no heights. Raises MapError."""
-    edges = edge_map(scan) if edges is None else edges
+def see_scan(scan: Scan, edges: EdgeMap) -> tuple[View, tuple[str, ...]]:
+    """View of a scan by its edge map, and a note if it has no heights."""
     try:
         return felt_view(edges, felt_relief(scan, edges), scan.touch), ()
     except MarksError as error:

@@ -108,6 +108,7 @@ class _Part:
     def __post_init__(self) -> None:
         self.fitting = self.session.fitting
         self.region = self.requested_mm if self.requested_mm is not None else self.fitting.field_mm
+        self.mapped = self.region
         self.watch = LineWatch(self.active.reader.request, line=self.line)
         self.progress = Progress(self.fitting)
         request = self.active.reader.request
@@ -141,7 +142,7 @@ class _Part:
         if not reading.characters and stop is StopReason.NO_GAIN:
             stop = StopReason.NOTHING_FOUND
         return ActiveReading(
-            evidence, reading, tuple(self.passes), stop, steps=self.progress.history,
+            evidence, reading, tuple(self.passes), stop, self.mapped, steps=self.progress.history,
             sure_at_look=sure_at_look, problem=self.problem,
         )  # fmt: skip
 
@@ -201,7 +202,7 @@ class _Part:
         self.faults = find_faults(raw)
         self.scan = flag_faults(raw, self.faults)
         try:
-            self.edges = edge_map(self.scan, within_mm=self.region)
+            self.edges, self.mapped = edge_map(self.scan, within_mm=self.region), self.region
         except MapError as error:
             self.edges, self.unseen = None, error
             return None

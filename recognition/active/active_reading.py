@@ -11,7 +11,7 @@ from recognition.decide.decision import Decision
 from recognition.decide.reading import Reading
 
 if TYPE_CHECKING:  # the service's pages need only the messages
-    from recognition.active.moves import Way
+    from recognition.active.moves import Region, Way
     from recognition.decide.evidence import SenseEvidence
     from whisker_array.scan.pass_log import LoggedPass
     from whisker_array.scan.scan import Scan
@@ -36,6 +36,7 @@ class ActiveReading(OneLine):
     reading: Reading
     passes: tuple[LoggedPass, ...]
     stop: StopReason
+    region_mm: Region
     steps: tuple[tuple[Way, int, float], ...] = ()
     sure_at_look: bool = False
     problem: str = ""

@@ -31,14 +31,22 @@ def read_and_log(reader: TactileReader, session: StageSession, *, budget_s: floa
         stopped=reading.stop.value,
         problem=reading.problem,
         budget_s=budget_s,
+        region_mm=reading.region_mm,
+        other_texts=reading.evidence.log.other_texts,
     )
     return replace(reading, evidence=reading.evidence.logged(scan=replace(reading.scan, log=log)))
 
 
 def logged_evidence(reader: TactileReader, scan: Scan) -> SenseEvidence:
-    """Evidence of a recording with a log of passes; a stage that failed sends the part to review again."""
-    evidence = reader.of_recording(scan).logged(chosen_passes=True)
-    if scan.log is None or not scan.log.problem:
+    """Evidence of a recording with a log of passes, as it was felt; a stage that failed sends the part to review again.
+
+    Raises ValueError for a scan without a log.
+    """
+    if scan.log is None:
+        raise ValueError("the scan has no log of passes; read it by TactileReader.of_recording")
+    evidence = reader.of_recording(scan, within_mm=scan.log.region_mm)
+    evidence = evidence.logged(chosen_passes=True, other_texts=scan.log.other_texts)
+    if not scan.log.problem:
         return evidence
     note = stage_failure(scan.log.problem, passes=len(scan.log.passes))
     failed = Finding(ReadingFlag.STAGE_FAILED, note)

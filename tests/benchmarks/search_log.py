@@ -35,6 +35,7 @@ from recognition.see.view import View
 from recognition.settings import ReaderSettings, Repertoire
 from recognition.touch import see_scan
 from tests.benchmarks.risk_parts import FREE, GENERATORS, DrawnPart, draw_part
+from whisker_array.estimation.edges import edge_map
 
 COLUMNS = ("part", "generator", "severity", "sense", "try", "band", "looks", "ms", "before", "after")
 NO_PRICE = SearchLimits(most_looks=60, spared_looks=0, least_gain_per_ms=-1.0)
@@ -49,7 +50,8 @@ def right_characters(lines: Sequence[ReadLine], request: LineRequest, truth: str
 def views_of(part: DrawnPart) -> Iterator[tuple[str, View]]:
     """The part as it is felt and as it is photographed."""
     squared, soil = square_to_plate(part.height_map, part.soil_layer)
-    yield "felt", see_scan(virtual_feel(soil=soil)(level(squared), part.height_mm))[0]
+    scan = virtual_feel(soil=soil)(level(squared), part.height_mm)
+    yield "felt", see_scan(scan, edge_map(scan))[0]
     yield "seen", photo_views(next(shrunk_versions(part.photo)))[0][0]
 
 

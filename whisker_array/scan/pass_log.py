@@ -31,7 +31,8 @@ class LoggedPass(OneLine):
 class PassLog(OneLine, Validated, error=WhiskerError):
     """The passes of a scan in one stage session, with the reason for stopping, or the stage's message if it failed.
 
-    `field_mm` is (x0, y0, x1, y1) that the array could reach. Raises WhiskerError for an empty log.
+    `field_mm` is (x0, y0, x1, y1) that the array could reach, `region_mm` what was read of it; `other_texts` were more
+    likely right than wrong after fewer passes. Raises WhiskerError for an empty log.
     """
 
     passes: tuple[LoggedPass, ...]
@@ -41,13 +42,16 @@ class PassLog(OneLine, Validated, error=WhiskerError):
     stopped: str = ""
     problem: str = ""
     budget_s: Positive | None = None
+    region_mm: tuple[float, float, float, float] | None = None
+    other_texts: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         if not self.passes:
             raise WhiskerError("no pass was run, so there is no log")
-        x0, y0, x1, y1 = self.field_mm
-        if not (x1 > x0 and y1 > y0):
-            raise WhiskerError(f"the field {self.field_mm} is empty", hint="give (x0, y0, x1, y1)")
+        for what, area in (("field", self.field_mm), ("region", self.region_mm or self.field_mm)):
+            x0, y0, x1, y1 = area
+            if not (x1 > x0 and y1 > y0):
+                raise WhiskerError(f"the {what} {area} is empty", hint="give (x0, y0, x1, y1)")
         super().__post_init__()
 
     @property

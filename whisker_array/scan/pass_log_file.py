@@ -28,9 +28,10 @@ def write_log(log: PassLog, file: h5py.File) -> None:
     group = file.create_group(GROUP)
     # the whiskers' bodies have no effect on where they touched
     group.attrs["array"] = json.dumps(dataclasses.asdict(dataclasses.replace(log.array, body=None)))
-    for name in ("height_mm", "field_mm", "stopped", "problem", "budget_s"):
+    for name in ("height_mm", "field_mm", "region_mm", "stopped", "problem", "budget_s"):
         if getattr(log, name) is not None:
             group.attrs[name] = getattr(log, name)
+    group.attrs["other_texts"] = json.dumps(sorted(log.other_texts))
     for name in ("along_mm", *_TIMES):
         group[name] = np.array([getattr(p.order, name) for p in log.passes], dtype=np.float64)
     preloads = [p.order.preload_mm for p in log.passes]
@@ -48,10 +49,6 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
     preload = file.numbers(f"{GROUP}/preload_mm", (n,), default=np.nan)
     confidence = file.numbers(f"{GROUP}/confidence", (n,), default=0.0)
     texts = {name: _texts(file, name, n) for name in _TEXTS}
-    field = np.atleast_1d(group.attrs.get("field_mm", ()))
-    numbers = field.shape == (4,) and field.dtype.kind in "fiu" and np.isfinite(field).all()
-    file.require(numbers, "/log has no valid field", "write field_mm as x0, y0, x1, y1")
-    x0, y0, x1, y1 = field.tolist()
     passes = []
     for k, sweep in enumerate(sweeps):
         plan = sweep.plan
@@ -80,11 +77,32 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
             tuple(passes),
             array=_read_array(file),
             height_mm=file.attribute("height_mm", group=GROUP),
-            field_mm=(x0, y0, x1, y1),
+            field_mm=_area(file, "field"),
+            region_mm=_area(file, "region") if "region_mm" in group.attrs else None,
+            other_texts=_other_texts(file),
             stopped=file.text("stopped", group=GROUP),
             problem=file.text("problem", group=GROUP),
             budget_s=file.attribute("budget_s", group=GROUP) if "budget_s" in group.attrs else None,
         )
+
+
+def _area(file: CheckedFile, what: str) -> tuple[float, float, float, float]:
+    area = np.atleast_1d(file.file[GROUP].attrs.get(f"{what}_mm", ()))
+    numbers = area.shape == (4,) and area.dtype.kind in "fiu" and np.isfinite(area).all()
+    file.require(numbers, f"/log has no valid {what}", f"write {what}_mm as x0, y0, x1, y1")
+    x0, y0, x1, y1 = area.tolist()
+    return x0, y0, x1, y1
+
+
+def _other_texts(file: CheckedFile) -> frozenset[str]:
+    written = file.text("other_texts", group=GROUP)
+    try:
+        texts = json.loads(written or "[]")
+    except ValueError:
+        texts = None
+    listed = isinstance(texts, list) and all(isinstance(text, str) for text in texts)
+    file.require(listed, "/log has no valid other_texts", 'write them as JSON: ["AB12"]')
+    return frozenset(text[:_LONGEST_TEXT] for text in texts)
 
 
 def _texts(file: CheckedFile, name: str, n: int) -> list[str]:

@@ -14,6 +14,7 @@ from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part
 from recognition.active.active_reading import ActiveReading
 from recognition.active.felt_log import logged_evidence, read_and_log
+from recognition.decide.decision import ReadingFlag
 from recognition.reader import Reader
 from recognition.see.virtual_array import VirtualArray
 from recognition.see.virtual_bench import VirtualBench
@@ -55,14 +56,27 @@ def recording(felt: ActiveReading, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_a_recording_is_read_as_it_was_felt(
     felt: ActiveReading, recording: Path, reader: TactileReader
 ) -> None:
-    """Its passes, read at once, give the serial; passes and texts are those of the log."""
+    """Its passes, read at once, give the same decision for the same reasons; passes and texts are those of the log."""
     assert len([p for p in felt.passes if p.text]) > 3  # looks, and so choices
     scan = load_scan(recording)
     evidence = logged_evidence(reader, scan)
     assert evidence.log.chosen_passes
     assert evidence.log.scan is not None
     assert evidence.log.scan.log is scan.log
-    assert reader.reading_of(evidence).text == felt.reading.text
+    again = reader.reading_of(evidence)
+    assert (again.text, again.decision, again.confidence, again.flags) == (
+        felt.reading.text, felt.reading.decision, felt.reading.confidence, felt.reading.flags,
+    )  # fmt: skip
+
+
+def test_texts_of_fewer_passes_still_count_when_the_recording_is_read(reader: TactileReader) -> None:
+    scan = read_and_log(reader, session_of(0.0), budget_s=BUDGET_S).scan
+    assert scan is not None
+    assert scan.log is not None
+    assert ReadingFlag.BELIEVED_OTHERWISE not in reader.reading_of(logged_evidence(reader, scan)).flags
+    others = frozenset(f"ZZ{number:02d}" for number in range(100))
+    other = replace(scan, log=replace(scan.log, other_texts=others))
+    assert ReadingFlag.BELIEVED_OTHERWISE in reader.reading_of(logged_evidence(reader, other)).flags
 
 
 def log_of(scan: Scan) -> list[tuple[Pass, str, str, float]]:
@@ -77,7 +91,8 @@ def test_a_recording_keeps_order_plan_and_stop(felt: ActiveReading, recording: P
     assert kept.log is not None
     assert log_of(kept) == log_of(scan)
     assert kept.log.array == replace(scan.log.array, body=None)  # what room whiskers take is not kept
-    for name in ("height_mm", "field_mm", "stopped", "problem", "budget_s"):
+    assert kept.log.region_mm is not None
+    for name in ("height_mm", "field_mm", "region_mm", "other_texts", "stopped", "problem", "budget_s"):
         assert getattr(kept.log, name) == getattr(scan.log, name)
     for one, other in zip(kept.log.passes, scan.log.passes, strict=True):
         for name in ("moment_n_mm", "flags", "air_n_mm"):
@@ -102,6 +117,9 @@ def test_a_recording_keeps_order_plan_and_stop(felt: ActiveReading, recording: P
         ),
         (lambda log: log.attrs.__delitem__("field_mm"), "no valid field"),
         (lambda log: log.attrs.__setitem__("budget_s", -1.0), "must be positive"),
+        (lambda log: log.attrs.__setitem__("region_mm", (0.0, 0.0, 1.0)), "no valid region"),
+        (lambda log: log.attrs.__setitem__("region_mm", (1.0, 0.0, 1.0, 2.0)), "region .* is empty"),
+        (lambda log: log.attrs.__setitem__("other_texts", "[1]"), "no valid other_texts"),
     ],
 )
 def test_a_log_that_does_not_fit_is_told(recording: Path, tmp_path: Path, damage: object, says: str) -> None:
