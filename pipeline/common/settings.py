@@ -26,6 +26,7 @@ class SettingsError(MarksError):
 
 
 FROM_MACHINE = "leave it out: it follows from the machine (see tactile-marks settings)"
+GIVEN_UP = "limit_s (a worker gives a part up after twice as long)"
 
 
 class Settings(BaseModel):

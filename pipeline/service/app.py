@@ -201,7 +201,7 @@ class Service:
         self.pool = WorkPool(
             workers.processes,
             queue=machine.waiting_parts,
-            timeout_s=workers.part_timeout_s or max(PART_TIMEOUT_S, 2.0 * (reading.limit_s or 0.0)),
+            timeout_s=max(PART_TIMEOUT_S, 2.0 * (reading.limit_s or 0.0)),
             memory_mb=machine.worker_memory_mb,
             warm_up=partial(warm_up, reading, machine.files),
         )

@@ -22,7 +22,7 @@ from urllib.parse import unquote, urlsplit
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.common.parsed import json_of
-from pipeline.common.settings import Names, Settings
+from pipeline.common.settings import GIVEN_UP, Names, Settings
 
 if TYPE_CHECKING:
     from pipeline.common.people_records import Person
@@ -284,7 +284,7 @@ class ServiceSettings(Settings):
         **dict.fromkeys(("connections", "queue"), ""),
         **dict.fromkeys(("limits.photo_pixels", "limits.map_samples", "log"), ""),
         **dict.fromkeys(("limits.upload_mb", "upload_mb"), ""),
-        "part_timeout_s": "part_timeout_s in [workers]",
+        "part_timeout_s": GIVEN_UP,
         "alerts.window": "alerts.reject_rate (of the latest 200 parts)",
         "jobs": "jobs in [workers]",
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),

@@ -206,7 +206,7 @@ class WorkerCalls:
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
     """The answer after lost workers: 422 if the same would happen again, 503 if it may pass."""
     if error.timed_out and not error.starved:
-        return UnreadableProblem(422, f"{error}; send a smaller file, a simpler job, or raise part_timeout_s")
+        return UnreadableProblem(422, f"{error}; send a smaller file, a simpler job, or raise limit_s")
     if error.timed_out:
         busy_machine = f"{error}, for most of which it waited; send it again later"
         return UnreadableProblem(503, busy_machine, headers={"Retry-After": "60"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from functools import partial
 from typing import ClassVar, ParamSpec, TypeVar, cast
@@ -10,7 +10,7 @@ from typing import ClassVar, ParamSpec, TypeVar, cast
 from pydantic import Field
 
 from glyphs.errors import MarksError
-from pipeline.common.settings import Settings
+from pipeline.common.settings import GIVEN_UP, Settings
 from pipeline.workers.executors import Executor, WorkerLostError, cores
 from pipeline.workers.pool import PART_TIMEOUT_S, WorkPool
 
@@ -22,13 +22,11 @@ class PoolSettings(Settings):
     """Settings of the workers on this machine."""
 
     table: ClassVar[str] = "workers"
+    replaced: ClassVar[Mapping[str, str]] = {"part_timeout_s": GIVEN_UP}
 
     jobs: int | None = Field(default=None, ge=1, le=256)
     """Worker processes. Default: one for each core. Only workers open files: a file that crashes the library that opens
     it costs one part, not the run."""
-    part_timeout_s: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
-    """Seconds after which a worker on this machine gives a part up. Default: twice limit_s, and at least 900 in a run,
-    120 in the service."""
 
     @property
     def processes(self) -> int:
@@ -44,7 +42,7 @@ class WorkerSettings(PoolSettings):
     def opened(
         self, parts: int | None = None, *, limit_s: float | None = None
     ) -> AbstractContextManager[Executor]:
-        """Open the executor for so many parts; `limit_s` as in `part_timeout_s`. Raises ClusterError: no such
+        """Open the executor for so many parts; one that takes twice `limit_s` is given up. Raises ClusterError: no such
         cluster."""
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
@@ -52,7 +50,7 @@ class WorkerSettings(PoolSettings):
             return ClusterExecutor(self.cluster)
         return WorkPool(
             self.processes if parts is None else min(self.processes, max(1, parts)),
-            timeout_s=self.part_timeout_s or max(PART_TIMEOUT_S, 2.0 * (limit_s or 0.0)),
+            timeout_s=max(PART_TIMEOUT_S, 2.0 * (limit_s or 0.0)),
             at_once=False,
         )
 
