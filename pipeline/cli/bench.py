@@ -44,10 +44,8 @@ def _open_bench(settings: BenchSettings) -> Iterator[Bench]:
 def check(bench: Path, /) -> None:
     """Ask stage and converter to identify themselves; nothing moves.
 
-    Parameters
-    ----------
-    bench
-        The bench, bench.toml.
+    Args:
+        bench: The bench, bench.toml.
     """
     from pipeline.bench.settings import read_bench
 
@@ -58,10 +56,8 @@ def check(bench: Path, /) -> None:
 def home(bench: Path, /) -> None:
     """Lift the comb and find the ends of all axes; also after a crash or an alarm.
 
-    Parameters
-    ----------
-    bench
-        The bench, bench.toml.
+    Args:
+        bench: The bench, bench.toml.
     """
     from pipeline.bench.settings import read_bench
 
@@ -74,10 +70,8 @@ def home(bench: Path, /) -> None:
 def calibrate(bench: Path, /) -> None:
     """Find every whisker's gain on a bare plate, and print the lines for bench.toml.
 
-    Parameters
-    ----------
-    bench
-        The bench, bench.toml; a plate without marks must lie under the comb.
+    Args:
+        bench: The bench, bench.toml; a plate without marks must lie under the comb.
     """
     from glyphs.surface.maps import TraceDirection
     from pipeline.bench.settings import read_bench
@@ -125,29 +119,19 @@ def scan(
 ) -> None:
     """Scan the part under the comb and record the raw moments; homes first.
 
-    Parameters
-    ----------
-    bench
-        The bench, bench.toml.
-    out
-        Recording to write, .h5.
-    dry_run
-        Move nothing: print the moves and draw them into this picture (.svg, .png).
-    region
-        x0 y0 x1 y1 in mm from the plate's corner (default: the bench's field).
-    directions
-        Trace directions in degrees (default: all four if the comb turns, else 0).
-    each_whisker
-        Move every whisker over the whole region, there and back, on lines a quarter of a character height apart: for
-        a test piece, which is narrower than the comb. The tips run beyond the region by the width of the comb.
-    part_id
-        Name of the part.
-    active
-        Choose pass after pass while reading, and stop when the serial is sure; it needs a comb that turns.
-    budget_s
-        Most stage seconds with --active.
-    format
-        Format of the serial, with --active, such as AA999999; see read --format.
+    Args:
+        bench: The bench, bench.toml.
+        out: Recording to write, .h5.
+        dry_run: Move nothing: print the moves and draw them into this picture (.svg, .png).
+        region: x0 y0 x1 y1 in mm from the plate's corner (default: the bench's field).
+        directions: Trace directions in degrees (default: all four if the comb turns, else 0).
+        each_whisker: Move every whisker over the whole region, there and back, on lines a quarter of a character height
+            apart: for a test piece, which is narrower than the comb. The tips run beyond the region by the width of the
+            comb.
+        part_id: Name of the part.
+        active: Choose pass after pass while reading, and stop when the serial is sure; it needs a comb that turns.
+        budget_s: Most stage seconds with --active.
+        format: Format of the serial, with --active, such as AA999999; see read --format.
     """
     from glyphs.surface.maps import TraceDirection
     from pipeline.bench.bench import feel_all, raster_passes

@@ -38,19 +38,13 @@ def demo(
 
     The exit status is 1 if a serial was not read correctly.
 
-    Parameters
-    ----------
-    out
-        Folder for plates, recordings and overview.png.
-    sensors
-        Sensors and stage: real, or ideal.
-    whisker
-        Whisker file to scan with (default: a whisker for the character height).
-    service
-        Show the service instead: its camera photographs dirty parts, and its stage scans those that the
-        camera is unsure of. The exit status is then 1 if it accepted a wrong serial.
-    stay
-        With --service: keep it running until Ctrl-C, so that you can see the operator's page.
+    Args:
+        out: Folder for plates, recordings and overview.png.
+        sensors: Sensors and stage: real, or ideal.
+        whisker: Whisker file to scan with (default: a whisker for the character height).
+        service: Show the service instead: its camera photographs dirty parts, and its stage scans those that the camera
+            is unsure of. The exit status is then 1 if it accepted a wrong serial.
+        stay: With --service: keep it running until Ctrl-C, so that you can see the operator's page.
     """
     if stay and not service:
         raise UsageError("demo: --stay goes with --service")

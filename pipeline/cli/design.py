@@ -46,47 +46,27 @@ def design(
 
     With --array: the comb of default whiskers and the plan that scan a serial in the least stage time.
 
-    Parameters
-    ----------
-    height_mm
-        Character height, mm.
-    alpha
-        Slopes of the walls of the marks, least:greatest, degrees, such as 30:60. Needed without --array.
-    mu
-        Friction, least:greatest, such as 0.1:0.5. Needed without --array.
-    depth_mm
-        Depth of the deepest marks, mm. Needed without --array.
-    section
-        Section of the whisker.
-    speed_mm_s
-        Scan speed to reach, mm/s (default: the usual one for the height).
-    beta_deg
-        Setting angles that the holder allows, least:greatest, degrees; 0 keeps l1 level.
-    axis_clearance_mm
-        Least height of the sensor's axis above the land: what the sensor needs below it, mm.
-    sensitive_to
-        Tune the whisker to walls of this slope instead, degrees.
-    trade_offs
-        Also report what a larger sideways slide, or another speed, would achieve.
-    out
-        Whisker file to write, .toml, for `scan --whisker`.
-    picture
-        Picture of the edge factor and the trade-offs to write, .png or .pdf.
-    drawing
-        Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
-    whisker
-        Whisker file: report what that whisker achieves for these demands, in place of a design, and how certain that is
-        if the file is from `identify`.
-    array
-        Choose whiskers, rows, stagger, pitch, speed and plan instead.
-    accuracy
-        With --array: share of the characters to be read right, as measured on simulated parts.
-    dirt
-        With --array: severity of the dirt for that accuracy, one of those measured.
-    length_mm
-        With --array: length of the line, mm (default: that of eight characters).
-    whiskers
-        With --array: numbers of whiskers to compare, separated by commas.
+    Args:
+        height_mm: Character height, mm.
+        alpha: Slopes of the walls of the marks, least:greatest, degrees, such as 30:60. Needed without --array.
+        mu: Friction, least:greatest, such as 0.1:0.5. Needed without --array.
+        depth_mm: Depth of the deepest marks, mm. Needed without --array.
+        section: Section of the whisker.
+        speed_mm_s: Scan speed to reach, mm/s (default: the usual one for the height).
+        beta_deg: Setting angles that the holder allows, least:greatest, degrees; 0 keeps l1 level.
+        axis_clearance_mm: Least height of the sensor's axis above the land: what the sensor needs below it, mm.
+        sensitive_to: Tune the whisker to walls of this slope instead, degrees.
+        trade_offs: Also report what a larger sideways slide, or another speed, would achieve.
+        out: Whisker file to write, .toml, for `scan --whisker`.
+        picture: Picture of the edge factor and the trade-offs to write, .png or .pdf.
+        drawing: Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
+        whisker: Whisker file: report what that whisker achieves for these demands, in place of a design, and how
+            certain that is if the file is from `identify`.
+        array: Choose whiskers, rows, stagger, pitch, speed and plan instead.
+        accuracy: With --array: share of the characters to be read right, as measured on simulated parts.
+        dirt: With --array: severity of the dirt for that accuracy, one of those measured.
+        length_mm: With --array: length of the line, mm (default: that of eight characters).
+        whiskers: With --array: numbers of whiskers to compare, separated by commas.
     """
     if picture is not None:
         check_writable(picture, PICTURES)

@@ -54,70 +54,49 @@ def run(
     Start an interrupted run again with the same command; with more --parts it continues. With --inputs
     and --truth the parts of a folder are read instead.
 
-    Parameters
-    ----------
-    out
-        Folder for the trials and the report; made if missing.
-    design
-        Exam that defines the parts and what readers know of them: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40,
-        marks-exam-2-1000, marks-exam-2-96, or a TOML file of your own. It replaces the flags that describe parts,
-        except --parts.
-    parts
-        Number of parts for every soil, dirt, font and format (default: 200). With --design: number of its first parts
-        (default: all).
-    mode
-        Readers, separated by commas: tactile, vision, fused, lights (vision of four photographs, each with the lamp on
-        another side), a reader of your own, module:function, that takes a pipeline.ExamPart and returns its text, or
-        another program, such as "rapidocr relief". Also groups: experts (every expert of the named modes alone), peers
-        (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers), plans (touch that
-        chooses its passes, against uniform, random and whole plans).
-    give
-        Facts that the reader knows beside the part: font, height, format, several separated by commas, or nothing
-        (default: those of the design, else the format). Repeat it to read every part with each:
-        --give format --give font,format.
-    jobs
-        Worker processes.
-    soil
-        Soils, separated by commas, each on parts of its own (default: workshop): caked, rust,
-        paint, weld, mud, wear, casting, module:function of your own; rust+paint is one over the other.
-    dirt
-        Severity of the dirt, 0 to 1, separated by commas (default: 0,0.3,0.6,0.9). With --inputs: theirs, if known.
-    font
-        Built-in names or TTF/OTF files, separated by commas (default: gothic). With --inputs: those that may be
-        theirs (default: all built-in ones).
-    format
-        Masks of the serials, separated by commas (default: AA999999). With --inputs: theirs, if known.
-    height_mm
-        Character height, mm (default: 5).
-    seed
-        Random seed: the same seed gives the same parts (default: 1).
-    inputs
-        Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
-    truth
-        CSV with the columns part and text, for --inputs.
-    perturb
-        Read every part again with changes that should not matter: traced lines shifted by half a pitch, sensor noise,
-        6 % light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another
-        accepted one. Takes about five times as long.
-    experts
-        Experts to combine, separated by commas: network, templates (default: both). Templates alone read by touch only.
-    ablate
-        Rules of the decision to leave out, separated by commas: tactile, vision, lights and fused are also decided
-        without each, as "tactile without unread-marks", and compared with the full decision. Rules are contracts and
-        terms of the score; a wrong name lists them. Nothing is read again.
-    fidelity
-        Simulation of touch.
-    sensors
-        Simulated sensors and stage that feel the parts: real (with the errors of scan) or ideal.
-    whisker
-        Whisker file to feel with, as from design --out (default: a whisker for the character height).
-    accept_risk
-        Greatest share of wrong readings among those that our readers accept: 0.001, 1/1000 or "1 in 1000".
-    certificate
-        Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that it does
-        not cover, and the report says where the parts are unlike the certified ones.
-    cluster
-        Address of a Dask scheduler (tcp://HOST:8786), whose workers read the parts instead. Needs the extra cluster.
+    Args:
+        out: Folder for the trials and the report; made if missing.
+        design: Exam that defines the parts and what readers know of them: marks-exam-1-1600, marks-exam-1-208,
+            marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96, or a TOML file of your own. It replaces the flags that
+            describe parts, except --parts.
+        parts: Number of parts for every soil, dirt, font and format (default: 200). With --design: number of its first
+            parts (default: all).
+        mode: Readers, separated by commas: tactile, vision, fused, lights (vision of four photographs, each with the
+            lamp on another side), a reader of your own, module:function, that takes a pipeline.ExamPart and returns its
+            text, or another program, such as "rapidocr relief". Also groups: experts (every expert of the named modes
+            alone), peers (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers), plans
+            (touch that chooses its passes, against uniform, random and whole plans).
+        give: Facts that the reader knows beside the part: font, height, format, several separated by commas, or nothing
+            (default: those of the design, else the format). Repeat it to read every part with each: --give format
+            --give font,format.
+        jobs: Worker processes.
+        soil: Soils, separated by commas, each on parts of its own (default: workshop): caked, rust, paint, weld, mud,
+            wear, casting, module:function of your own; rust+paint is one over the other.
+        dirt: Severity of the dirt, 0 to 1, separated by commas (default: 0,0.3,0.6,0.9). With --inputs: theirs, if
+            known.
+        font: Built-in names or TTF/OTF files, separated by commas (default: gothic). With --inputs: those that may be
+            theirs (default: all built-in ones).
+        format: Masks of the serials, separated by commas (default: AA999999). With --inputs: theirs, if known.
+        height_mm: Character height, mm (default: 5).
+        seed: Random seed: the same seed gives the same parts (default: 1).
+        inputs: Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
+        truth: CSV with the columns part and text, for --inputs.
+        perturb: Read every part again with changes that should not matter: traced lines shifted by half a pitch, sensor
+            noise, 6 % light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes
+            another accepted one. Takes about five times as long.
+        experts: Experts to combine, separated by commas: network, templates (default: both). Templates alone read by
+            touch only.
+        ablate: Rules of the decision to leave out, separated by commas: tactile, vision, lights and fused are also
+            decided without each, as "tactile without unread-marks", and compared with the full decision. Rules are
+            contracts and terms of the score; a wrong name lists them. Nothing is read again.
+        fidelity: Simulation of touch.
+        sensors: Simulated sensors and stage that feel the parts: real (with the errors of scan) or ideal.
+        whisker: Whisker file to feel with, as from design --out (default: a whisker for the character height).
+        accept_risk: Greatest share of wrong readings among those that our readers accept: 0.001, 1/1000 or "1 in 1000".
+        certificate: Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that
+            it does not cover, and the report says where the parts are unlike the certified ones.
+        cluster: Address of a Dask scheduler (tcp://HOST:8786), whose workers read the parts instead. Needs the extra
+            cluster.
     """
     from pipeline.benchmark.readers.modes import expand_groups
     from pipeline.benchmark.report.writing import write_report
@@ -184,21 +163,15 @@ def export(
 ) -> None:
     """Write an exam's parts, photographs, views of touch and truth; the same command continues an interrupted export.
 
-    Parameters
-    ----------
-    design
-        An edition: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96; or a TOML
-        file of your own.
-    folder
-        Folder for the files; made if missing.
-    parts
-        Number of parts, from the first (default: all). The first parts of a design are balanced, too.
-    jobs
-        Worker processes.
-    cluster
-        Address of a Dask scheduler (tcp://HOST:8786), whose workers make the parts instead. Needs the extra cluster.
-    check
-        Write nothing: compare the folder with its manifest, and list the differences.
+    Args:
+        design: An edition: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96; or
+            a TOML file of your own.
+        folder: Folder for the files; made if missing.
+        parts: Number of parts, from the first (default: all). The first parts of a design are balanced, too.
+        jobs: Worker processes.
+        cluster: Address of a Dask scheduler (tcp://HOST:8786), whose workers make the parts instead. Needs the extra
+            cluster.
+        check: Write nothing: compare the folder with its manifest, and list the differences.
     """
     from pipeline.benchmark.exam.design import design_named
     from pipeline.benchmark.exam.designed_parts import DesignedParts
@@ -232,24 +205,17 @@ def score(
 ) -> None:
     """Score tables of answers against an exam: columns part (or file) and text, also confidence, decision or accepted.
 
-    Parameters
-    ----------
-    readings
-        CSV files, one for each reader. The second and later ones are compared with the first, part by part.
-    design
-        The exam: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96, or a TOML
-        file of your own.
-    truth
-        In place of --design: a CSV with the columns part and text, and one for each factor, like truth.csv of an
-        export.
-    parts
-        Number of parts of the design, from the first (default: all). A part without an answer counts as read empty.
-    name
-        Names of the readers, separated by commas (default: those of their files).
-    give
-        Facts that the readers knew beside the part: font, height, format, or nothing.
-    out
-        Folder for report.html, benchmark.csv, benchmark.json and benchmark.md, like those of a run.
+    Args:
+        readings: CSV files, one for each reader. The second and later ones are compared with the first, part by part.
+        design: The exam: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96, or a
+            TOML file of your own.
+        truth: In place of --design: a CSV with the columns part and text, and one for each factor, like truth.csv of an
+            export.
+        parts: Number of parts of the design, from the first (default: all). A part without an answer counts as read
+            empty.
+        name: Names of the readers, separated by commas (default: those of their files).
+        give: Facts that the readers knew beside the part: font, height, format, or nothing.
+        out: Folder for report.html, benchmark.csv, benchmark.json and benchmark.md, like those of a run.
     """
     if (design is None) == (truth is None):
         raise UsageError("score: give --design or --truth")
@@ -304,14 +270,10 @@ def compare(before: Path, after: Path, /, *, out: Path | None = None) -> None:
 
     Writes compare.html, with pictures of the parts that flipped, compare.md and compare.csv.
 
-    Parameters
-    ----------
-    before
-        Folder of the benchmark before the change (its --out).
-    after
-        Folder of the benchmark after it.
-    out
-        Folder for the page and the table (default: that of the second benchmark).
+    Args:
+        before: Folder of the benchmark before the change (its --out).
+        after: Folder of the benchmark after it.
+        out: Folder for the page and the table (default: that of the second benchmark).
     """
     from pipeline.benchmark.report.change_report import SHOWN, write_comparison
     from pipeline.cli.shared import print_document

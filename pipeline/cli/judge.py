@@ -49,20 +49,13 @@ def certify(
     certified, the command estimates how many parts are missing, and the exit status is 1. The same command continues an
     interrupted run.
 
-    Parameters
-    ----------
-    inputs
-        Parts, as for read.
-    truth
-        CSV with the columns part and text: the stamped serials. Parts without a line are left out.
-    risk
-        Greatest share of wrong serials among the accepted: 0.001, 1/1000 or "1 in 1000".
-    confidence
-        Confidence level of that guarantee, such as 0.95.
-    out
-        Certificate to write (.json).
-    manifest
-        Table (.csv) of parts, as for read; may be repeated.
+    Args:
+        inputs: Parts, as for read.
+        truth: CSV with the columns part and text: the stamped serials. Parts without a line are left out.
+        risk: Greatest share of wrong serials among the accepted: 0.001, 1/1000 or "1 in 1000".
+        confidence: Confidence level of that guarantee, such as 0.95.
+        out: Certificate to write (.json).
+        manifest: Table (.csv) of parts, as for read; may be repeated.
     """
     if not (inputs or manifest):
         raise UsageError("certify: name the parts, as for read")
@@ -155,24 +148,16 @@ def study(
     photograph is perturbed for every trial. Writes study.html, study.md, study.json and readings.csv. The exit status
     is 1 if any trial has no reading. The same command continues an interrupted run.
 
-    Parameters
-    ----------
-    inputs
-        Height maps, scans and photographs, folders, globs and manifests of them, as for read.
-    repeats
-        Trials of every part.
-    arrays
-        Virtual arrays that each measure every height map, to show what another array changes; recordings and
-        photographs have one.
-    reviewers
-        CSV with the columns part, reviewer and text: readings by people; several lines with one reviewer and part are
-        trials.
-    truth
-        CSV with the columns part and text (default: the expected texts of a manifest).
-    out
-        Folder for the page and the tables.
-    jobs
-        Worker processes (default: one for each core), or none for a few parts.
+    Args:
+        inputs: Height maps, scans and photographs, folders, globs and manifests of them, as for read.
+        repeats: Trials of every part.
+        arrays: Virtual arrays that each measure every height map, to show what another array changes; recordings and
+            photographs have one.
+        reviewers: CSV with the columns part, reviewer and text: readings by people; several lines with one reviewer and
+            part are trials.
+        truth: CSV with the columns part and text (default: the expected texts of a manifest).
+        out: Folder for the page and the tables.
+        jobs: Worker processes (default: one for each core), or none for a few parts.
     """
     if not inputs:
         raise UsageError("study: name parts, folders, globs or manifests")

@@ -131,10 +131,8 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
     For bash, in ~/.bashrc: eval "$(tactile-marks completion bash)"; for zsh the same in ~/.zshrc, after compinit; for
     fish: tactile-marks completion fish > ~/.config/fish/completions/tactile-marks.fish
 
-    Parameters
-    ----------
-    shell
-        Which shell.
+    Args:
+        shell: Which shell.
     """
     _read_docstrings_once()
     script = app.generate_completion(shell=shell)

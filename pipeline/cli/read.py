@@ -43,12 +43,10 @@ def read(
     With --out rows are written as parts are read: an interrupted run continues with the same command. The exit status
     is 1 if any part could not be read, and with --verify unless every part is confirmed.
 
-    Parameters
-    ----------
-    inputs
-        Height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5) and photographs (.png, .jpg ...), or folders and globs
-        of them, with their subfolders; files that differ only in their endings are one part. URLs (s3://, gs:// ...)
-        with the extra cluster, and manifests.
+    Args:
+        inputs: Height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5) and photographs (.png, .jpg ...), or folders and
+            globs of them, with their subfolders; files that differ only in their endings are one part. URLs (s3://,
+            gs:// ...) with the extra cluster, and manifests.
     """
     if not (inputs or run.manifest):
         raise UsageError("read: name a height map, a scan, a photograph, a folder, a glob or a manifest")
@@ -73,12 +71,9 @@ def inspect(
 
     A photograph with the same name beside the file is also shown, if --mode is vision or fused.
 
-    Parameters
-    ----------
-    file
-        A height map, a scan or a photograph.
-    out
-        Picture to write, .png, .svg or .pdf (default: FILE-inspect.png in the working folder).
+    Args:
+        file: A height map, a scan or a photograph.
+        out: Picture to write, .png, .svg or .pdf (default: FILE-inspect.png in the working folder).
     """
     from pipeline.common.output_paths import PICTURES, check_writable
     from pipeline.workers.options import in_a_worker

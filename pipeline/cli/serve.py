@@ -67,15 +67,11 @@ def worker(address: str, /, *, jobs: Positive = None, memory_gb: float | None = 
     Start the scheduler with: dask scheduler. This is `dask worker` with one thread per process, and it keeps the memory
     of maps between parts: without that a part takes up to three times as long.
 
-    Parameters
-    ----------
-    address
-        Address of the scheduler, such as tcp://HOST:8786.
-    jobs
-        Worker processes (default: one for each core).
-    memory_gb
-        Memory limit of each process, in GB; one that uses more is replaced (default: its share of
-        the machine's).
+    Args:
+        address: Address of the scheduler, such as tcp://HOST:8786.
+        jobs: Worker processes (default: one for each core).
+        memory_gb: Memory limit of each process, in GB; one that uses more is replaced (default: its share of the
+            machine's).
     """
     from pipeline.workers.cluster import require_distributed
     from pipeline.workers.executors import cores

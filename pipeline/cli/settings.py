@@ -279,10 +279,8 @@ def settings(
 
     Settings at their defaults are commented out.
 
-    Parameters
-    ----------
-    out
-        File to write instead, such as tactile-marks.toml. An existing file is not overwritten.
+    Args:
+        out: File to write instead, such as tactile-marks.toml. An existing file is not overwritten.
     """
     text = f"{settings_file(reading, workers, service)}\n{_from_machine(workers, service)}"
     if out is None:

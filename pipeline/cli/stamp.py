@@ -23,10 +23,8 @@ if TYPE_CHECKING:
 def list_fonts(database: Path | None = None) -> None:
     """List the built-in fonts, or those of a glyph database, with the number of their characters.
 
-    Parameters
-    ----------
-    database
-        Glyph database.
+    Args:
+        database: Glyph database.
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
     from pipeline.formats.glyph_database import load_database
@@ -42,13 +40,10 @@ def list_fonts(database: Path | None = None) -> None:
 def show(*font: str, out: Path | None = None) -> None:
     """Draw every character of fonts.
 
-    Parameters
-    ----------
-    font
-        Built-in names, TTF/OTF files or glyph databases (.glyphs); by default all built-in fonts.
-    out
-        Picture to write, .png, .svg or .pdf (default: NAME.png in the working folder if one file or font is named, else
-        fonts.png).
+    Args:
+        font: Built-in names, TTF/OTF files or glyph databases (.glyphs); by default all built-in fonts.
+        out: Picture to write, .png, .svg or .pdf (default: NAME.png in the working folder if one file or font is named,
+            else fonts.png).
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
     from pipeline.plots.fonts_picture import sheet_figure
@@ -62,12 +57,9 @@ def show(*font: str, out: Path | None = None) -> None:
 def build(out: Path, /, *font: str) -> None:
     """Write a glyph database of fonts for `read --database`.
 
-    Parameters
-    ----------
-    out
-        Database to write.
-    font
-        Built-in names or TTF/OTF files.
+    Args:
+        out: Database to write.
+        font: Built-in names or TTF/OTF files.
     """
     if not font:
         raise UsageError("glyphs build: name at least one font")
@@ -107,26 +99,17 @@ def synth(
 ) -> None:
     """Stamp serials on plates: part-000.npz, part-000.png and so on, and truth.csv.
 
-    Parameters
-    ----------
-    out
-        Folder for the parts.
-    parts
-        Number of parts.
-    dirt
-        Severity of the dirt, 0 to 1.
-    soil
-        Kinds of dirt, separated by commas, the lowest layer first: workshop, caked, rust, paint, weld, mud, wear,
-        casting, or module:function of your own. Workshop dirt is a mixture of seven kinds.
-    mix
-        Amounts of these seven, 0 to 1, in place of their shares of the mixture, such as grime=0.5,oil=0: grime (caked
-        into the grooves), oil, swarf, scratches, pits, paint (chipped), burr (a ragged rim).
-    photo
-        Take a photograph of every part.
-    jobs
-        Worker processes (default: one for each core), or none for a few parts.
-    overwrite
-        Write into a folder that is not empty.
+    Args:
+        out: Folder for the parts.
+        parts: Number of parts.
+        dirt: Severity of the dirt, 0 to 1.
+        soil: Kinds of dirt, separated by commas, the lowest layer first: workshop, caked, rust, paint, weld, mud, wear,
+            casting, or module:function of your own. Workshop dirt is a mixture of seven kinds.
+        mix: Amounts of these seven, 0 to 1, in place of their shares of the mixture, such as grime=0.5,oil=0: grime
+            (caked into the grooves), oil, swarf, scratches, pits, paint (chipped), burr (a ragged rim).
+        photo: Take a photograph of every part.
+        jobs: Worker processes (default: one for each core), or none for a few parts.
+        overwrite: Write into a folder that is not empty.
     """
     from dataclasses import replace
     from functools import partial

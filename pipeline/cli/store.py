@@ -93,14 +93,10 @@ def add(
 ) -> None:
     """Make a token and print its secret once: the store keeps only its hash.
 
-    Parameters
-    ----------
-    name
-        Name of the user or machine, such as line-3; reviews made with the token are signed with it.
-    scope
-        Right that it gives: read, write (send parts) or review. May be repeated.
-    days
-        Days for which it is valid (default: for ever).
+    Args:
+        name: Name of the user or machine, such as line-3; reviews made with the token are signed with it.
+        scope: Right that it gives: read, write (send parts) or review. May be repeated.
+        days: Days for which it is valid (default: for ever).
     """
     with location.open_store() as store:
         from pipeline.common.records import Scope
@@ -127,10 +123,8 @@ def list_tokens(*, location: AtStore = STORE) -> None:
 def revoke(name: str, /, *, location: AtStore = STORE) -> None:
     """Revoke a token.
 
-    Parameters
-    ----------
-    name
-        Name of the user or machine.
+    Args:
+        name: Name of the user or machine.
     """
     with location.open_store() as store:
         store.revoke(name)
@@ -143,10 +137,8 @@ def backup(to: Path, /, *, location: AtData = DATA) -> int:
     The folder of the backup appears when it is complete. Exit status: 1 if a file of the service was missing
     or damaged; the backup is still made, and says so.
 
-    Parameters
-    ----------
-    to
-        New folder for the backup.
+    Args:
+        to: New folder for the backup.
     """
     with location.open_store(as_it_is=True) as store:
         from pipeline.store.backup import back_up
@@ -162,10 +154,8 @@ def backup(to: Path, /, *, location: AtData = DATA) -> int:
 def restore(backup: Path, /, *, location: AtData = DATA) -> int:
     """Restore a backup into an empty store: SQLite or PostgreSQL, whichever it was made from.
 
-    Parameters
-    ----------
-    backup
-        Folder that `store backup` has written.
+    Args:
+        backup: Folder that `store backup` has written.
     """
     with location.open_store() as store:
         from pipeline.common.private import private_folder
@@ -189,12 +179,9 @@ def check(
 
     Exit status: 1 if there is a problem.
 
-    Parameters
-    ----------
-    files
-        Read every file and compare it with its hash; otherwise only check that it exists.
-    json_output
-        Print JSON.
+    Args:
+        files: Read every file and compare it with its hash; otherwise only check that it exists.
+        json_output: Print JSON.
     """
     with location.open_store(as_it_is=True) as store:
         from pipeline.store.check import check as check_store

@@ -40,24 +40,15 @@ def enroll(
 ) -> int:
     """Learn the shapes of a die from reviewed parts, and keep them in a glyph database.
 
-    Parameters
-    ----------
-    inputs
-        Height maps and scans, folders or globs of them.
-    database
-        Glyph database to add them to, for read --database; made, with the built-in fonts, if it is missing.
-    font
-        Name for this die, such as press-7; use it again to learn more of the same die.
-    truth
-        CSV with the columns part and text: the serial that a person read on each part.
-    from_store
-        Use the reviewed parts of the service's store instead.
-    since
-        Only parts reviewed within this many days.
-    picture
-        Picture of the exemplars, .png, .svg or .pdf. [default: the database's name with .png]
-    check
-        Read each half of the parts with the shapes learned from the other half, and report whether that helps.
+    Args:
+        inputs: Height maps and scans, folders or globs of them.
+        database: Glyph database to add them to, for read --database; made, with the built-in fonts, if it is missing.
+        font: Name for this die, such as press-7; use it again to learn more of the same die.
+        truth: CSV with the columns part and text: the serial that a person read on each part.
+        from_store: Use the reviewed parts of the service's store instead.
+        since: Only parts reviewed within this many days.
+        picture: Picture of the exemplars, .png, .svg or .pdf. [default: the database's name with .png]
+        check: Read each half of the parts with the shapes learned from the other half, and report whether that helps.
     """
     if from_store == bool(inputs):
         raise UsageError("enroll: name parts with --truth, or give --from-store")

@@ -42,37 +42,24 @@ def scan(
 ) -> None:
     """Scan a height map with the virtual whisker array and record the raw moments.
 
-    Parameters
-    ----------
-    height_map
-        .npz, .x3p, .sdf, .sur ... Friction and soft dirt are simulated if an .npz holds them, as from `synth --dirt`.
-        A .toml is a test piece (`identify`).
-    out
-        Recording to write, .h5.
-    height_mm
-        Character height in mm, which sets the scale of array and raster (default: measured, which takes as long as
-        reading the part).
-    fidelity
-        Simulation of touch.
-    sensors
-        Sensors and stage: real (gains, offsets, noise, drift, vibration, 16 bits, play and position errors), or ideal.
-    seed
-        Random seed of the sensors: the same seed gives the same scan.
-    whisker
-        Whisker file to scan with, as from `design --out` (default: a whisker for the character height).
-    friction
-        True friction of the part, 0 to 1 (default: the file's, or the whisker's nominal one).
-    profilers
-        Add a second row of whiskers that measures the profile; it separates slopes from heights.
-    two_way
-        Scan every pass again on the way back, with the whiskers pushed; this measures friction.
-    active
-        Choose pass after pass while reading, and stop when the serial is sure or more touch would not help, in place of
-        the whole plan; the passes are recorded together.
-    budget_s
-        Most stage seconds with --active.
-    format
-        Format of the serial, with --active, such as AA999999; see read --format.
+    Args:
+        height_map: .npz, .x3p, .sdf, .sur ... Friction and soft dirt are simulated if an .npz holds them, as from
+            `synth --dirt`. A .toml is a test piece (`identify`).
+        out: Recording to write, .h5.
+        height_mm: Character height in mm, which sets the scale of array and raster (default: measured, which takes as
+            long as reading the part).
+        fidelity: Simulation of touch.
+        sensors: Sensors and stage: real (gains, offsets, noise, drift, vibration, 16 bits, play and position errors),
+            or ideal.
+        seed: Random seed of the sensors: the same seed gives the same scan.
+        whisker: Whisker file to scan with, as from `design --out` (default: a whisker for the character height).
+        friction: True friction of the part, 0 to 1 (default: the file's, or the whisker's nominal one).
+        profilers: Add a second row of whiskers that measures the profile; it separates slopes from heights.
+        two_way: Scan every pass again on the way back, with the whiskers pushed; this measures friction.
+        active: Choose pass after pass while reading, and stop when the serial is sure or more touch would not help, in
+            place of the whole plan; the passes are recorded together.
+        budget_s: Most stage seconds with --active.
+        format: Format of the serial, with --active, such as AA999999; see read --format.
     """
     from pipeline.formats.touch_file import read_part_map
     from pipeline.formats.whisker_file import PITCH_MM, read_piece, read_whisker_file
@@ -156,14 +143,10 @@ def scan_actively(
 def calibrate(recording: Path, /, *, out: Path | None = None, in_place: bool = False) -> None:
     """Find gain and offset of each whisker from the lifted and lead-in samples of a scan; write a calibrated copy.
 
-    Parameters
-    ----------
-    recording
-        The scan, .h5.
-    out
-        Copy to write (default: NAME-calibrated.h5 beside the recording).
-    in_place
-        Write the calibration into the recording itself.
+    Args:
+        recording: The scan, .h5.
+        out: Copy to write (default: NAME-calibrated.h5 beside the recording).
+        in_place: Write the calibration into the recording itself.
     """
     if in_place and out is not None:
         raise UsageError("calibrate: --out and --in-place exclude each other", "give one of them")
@@ -204,18 +187,14 @@ def identify(
 ) -> None:
     """Find the whisker and bench that made a recording over a piece of known relief.
 
-    Parameters
-    ----------
-    recording
-        The scan, .h5, best in four directions and back; `scan PIECE.toml` makes one to try.
-    piece
-        TOML file of a test piece, or the height map of any other, with its corner at the origin of the scan's frame.
-    whisker
-        The whisker as drawn, a file from `design`. Without it lengths, angle and stiffness are not identified.
-    out
-        Whisker file to write, with the identified values in place of the drawn ones; needs --whisker.
-    figure
-        Picture (.svg, .png) of the measured signals, those that the identified bench predicts, and the residuals.
+    Args:
+        recording: The scan, .h5, best in four directions and back; `scan PIECE.toml` makes one to try.
+        piece: TOML file of a test piece, or the height map of any other, with its corner at the origin of the scan's
+            frame.
+        whisker: The whisker as drawn, a file from `design`. Without it lengths, angle and stiffness are not identified.
+        out: Whisker file to write, with the identified values in place of the drawn ones; needs --whisker.
+        figure: Picture (.svg, .png) of the measured signals, those that the identified bench predicts, and the
+            residuals.
     """
     if out is not None and whisker is None:
         raise UsageError("identify: --out needs the whisker as drawn", "add --whisker")
@@ -240,14 +219,10 @@ def import_traces(
 ) -> None:
     """Convert recorded traces (positions and signals) to a scan for `read` and `inspect`.
 
-    Parameters
-    ----------
-    files
-        .csv, .txt, .tsv or .tdms (with the extra tdms), in the order in which they were recorded.
-    traces
-        Description of the files, .toml: columns, units, positions of the whiskers.
-    out
-        Recording to write, .h5.
+    Args:
+        files: .csv, .txt, .tsv or .tdms (with the extra tdms), in the order in which they were recorded.
+        traces: Description of the files, .toml: columns, units, positions of the whiskers.
+        out: Recording to write, .h5.
     """
     import numpy as np
 
