@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 MAD = 1.4826
 """Factor from a median absolute deviation to a standard deviation."""
@@ -83,7 +83,7 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         if air.shape[2] and _touches(air[..., [0, -1]], level).any():
             air = np.where(at_ends(_touches(air, level))[:, None], np.nan, air)
         plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
-        of_sweeps.append(SweepShares(plan, share, air, across))
+        of_sweeps.append(SweepShares(plan, share.astype(np.float32), air.astype(np.float32), across))
     return of_sweeps
 
 
@@ -307,14 +307,21 @@ def spikes(f: SweepShares, *, least: float) -> Mask:
 
     x = f.share
     seen = np.zeros(x.shape)
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(x, 5, axis=2), axis=-1)
-    seen[..., 2:-2] = np.abs(np.nan_to_num(x[..., 2:-2] - middle))
+    seen[..., 2:-2] = np.abs(np.nan_to_num(x[..., 2:-2] - _medians_of_five(x)))
     alone = seen > least
     if len(x) > 1:
         widest = maximum_filter1d(seen, 5, axis=2, mode="wrap")
         beside = np.maximum(np.r_[widest[1:2], widest[:-1]], np.r_[widest[1:], widest[-2:-1]])
         alone &= seen > 4.0 * beside
     return alone
+
+
+def _medians_of_five(values: Floats) -> Floats:
+    """Medians of five neighbours along the last axis, as `np.median` gives them far more slowly."""
+    a, b, c, d, e = np.moveaxis(np.lib.stride_tricks.sliding_window_view(values, 5, axis=-1), -1, 0)
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.asarray(np.maximum(np.minimum(low, high), np.minimum(e, np.maximum(low, high))))
 
 
 def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> int:

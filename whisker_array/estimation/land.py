@@ -8,6 +8,7 @@ is fitted robustly to all lines of a sweep, and each line's drift is estimated r
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +79,7 @@ def _tilted_start(
     return coefficients
 
 
-def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
+def whisker_gain(lines: NDArray[np.floating[Any]], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
     """Relative gain of each line's whisker, (lines,), from neighbouring lines of different whiskers.
 
     Two whiskers that meet at a border trace nearly the same surface there, mark or land, so the median ratio of their
@@ -118,7 +119,7 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
     return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0])
 
 
-def _log_step(lines: NDArray[np.float64], first: NDArray[np.int64]) -> NDArray[np.float64]:
+def _log_step(lines: NDArray[np.floating[Any]], first: NDArray[np.int64]) -> NDArray[np.float64]:
     with np.errstate(invalid="ignore", divide="ignore"):
         step = np.log(np.abs(lines[first + 1] / lines[first]))
     step[np.isinf(step)] = np.nan
