@@ -60,8 +60,8 @@ class ReadLine:
     def open_places(self) -> tuple[Lattice, Floats]:
         """Posteriors for the most probable number of places, of any characters, and their columns."""
         first = self.looks[:1]
-        places = (first[0].chars,) * max(count_places(first)[0], 1)
-        lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
+        posteriors, _ = _likeliest_count(first, least=1)
+        lattice, columns = _lattice(first, posteriors) or (self.lattice, self.columns)
         return replace(with_slip(lattice), boxes=boxes_of(self.line, columns)), columns
 
     @cached_property
@@ -126,8 +126,7 @@ def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | Non
     """Combine the recogniser's looks at a line; None where no text fits."""
     count_probability, evidence = 1.0, 0.0
     if grammar is None:
-        many, count_probability = count_places(looks)
-        posteriors = _posteriors(looks, (looks[0].chars,) * many)
+        posteriors, count_probability = _likeliest_count(looks)
     else:
         posteriors = _best_length(looks, grammar)
         evidence = _evidence(posteriors)
@@ -156,7 +155,7 @@ def _best_length(
 ) -> Posteriors:
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > most_lengths:
-        usual, _ = count_places(looks)
+        usual = int(np.argmax(_log_counts(looks)))
         nearest = sorted(lengths or {usual}, key=lambda n: abs(n - usual))
         lengths = frozenset(nearest[:most_lengths])
     by_length = [
@@ -167,13 +166,34 @@ def _best_length(
     return max(by_length, key=_evidence, default=[None] * len(looks))
 
 
-def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
-    """The likeliest number of characters, and its probability."""
-    logs = [np.maximum(steps.count(), -50.0) for steps in looks[:most_counts]]
+def _log_counts(looks: Sequence[Steps], *, most_looks: int = 3) -> Floats:
+    """(n,) log probability of each number of characters, from 0."""
+    logs = [np.maximum(steps.count(), -50.0) for steps in looks[:most_looks]]
     most = max(log.size for log in logs)
     total = np.mean([np.pad(log, (0, most - log.size), constant_values=-50.0) for log in logs], axis=0)
-    many = int(np.argmax(total))
-    return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
+    return np.asarray(total - np.logaddexp.reduce(total))
+
+
+def _likeliest_count(
+    looks: Sequence[Steps], *, least: int = 0, least_share: float = 0.05
+) -> tuple[Posteriors, float]:
+    """Posteriors for the number of characters whose likeliest text is the likeliest, and that number's probability.
+
+    Dirt in a gap may be any character: together all texts with it are likelier than the text without, none by itself.
+    """
+    counts = _log_counts(looks)
+    likely = np.flatnonzero(counts > counts.max() + math.log(least_share))
+    by_count = {n: _posteriors(looks, (looks[0].chars,) * n) for n in {max(int(n), least) for n in likely}}
+    if len(by_count) == 1:
+        ((n, posteriors),) = by_count.items()
+        return posteriors, float(np.exp(counts[n]))
+
+    def log_text(n: int) -> float:
+        lattice = _lattice(looks, by_count[n])
+        return float(counts[n]) + (0.0 if lattice is None else float(lattice[0].log_belief.max(axis=1).sum()))
+
+    n = max(by_count, key=log_text)
+    return by_count[n], float(np.exp(counts[n]))
 
 
 def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:

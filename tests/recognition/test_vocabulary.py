@@ -59,7 +59,7 @@ def values(reading: Reading) -> list[object]:
         Grammar(lexicon=frozenset(str(k) for k in range(1000, 9000))),
         Grammar(sets=("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789",) * 20),
         Code("Data Matrix", "[)>␞12␝MFR 0AB12␝SER KX40725␞␄", corners),
-        ActiveReading(SenseEvidence("tactile"), reading, (), StopReason.BUDGET),
+        ActiveReading(SenseEvidence("tactile"), reading, (), StopReason.BUDGET, (0.0, 0.0, 40.0, 13.0)),
     ]
 
 

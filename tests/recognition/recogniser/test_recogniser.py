@@ -15,7 +15,7 @@ from glyphs.stamping.stamp import StampedPart
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
-from recognition.recogniser.read_line import combine_looks, count_places, with_slip
+from recognition.recogniser.read_line import combine_looks, with_slip
 from recognition.recogniser.recogniser import CHARACTERS, STEP_COLUMNS, posteriors, steps_of
 from recognition.recogniser.steps import RARE, Steps
 from recognition.see.text_line import HEIGHT_ROWS, MARGIN, TextLine
@@ -133,9 +133,20 @@ def test_every_allowed_character_keeps_some_probability(values: list[float]) -> 
 @pytest.mark.parametrize("text", ["A", "AB", "AAB", "8A8A8A8A"])
 def test_characters_are_counted(text: str) -> None:
     looks = [steps(text, sure=0.97)]
-    assert count_places(looks)[0] == len(text)
+    assert combine_looks(LINE, looks, None).lattice.text == text
     # of looks that differ the likelier number
-    assert count_places([*looks * 2, steps(text + "A", sure=0.55)])[0] == len(text)
+    assert combine_looks(LINE, [*looks * 2, steps(text + "A", sure=0.55)], None).lattice.text == text
+
+
+def test_dirt_that_may_be_any_character_is_none() -> None:
+    """All texts with a character there are likelier together than the text without one, but none by itself."""
+    gap = steps("A8B", sure=0.99)
+    blank, shares = np.exp(gap.log_blank), np.exp(gap.log_chars)
+    blank[3], shares[3] = 0.34, 0.22
+    line = combine_looks(LINE, [Steps.of(blank, shares, CHARS, gap.columns)], None)
+    assert line.lattice.text == "AB"
+    assert line.count_probability == pytest.approx(0.34, abs=0.02)
+    assert line.open_places[0].text == "AB"
 
 
 def test_a_line_is_read_with_and_without_a_format() -> None:
