@@ -51,6 +51,11 @@ class TraceDirection(IntEnum):
     def backward(self) -> bool:
         return self in (TraceDirection.BACK_X, TraceDirection.BACK_Y)
 
+    @property
+    def sign(self) -> float:
+        """-1 if positions decrease along the trace, otherwise 1."""
+        return -1.0 if self.backward else 1.0
+
 
 OPPOSITE_DIRECTIONS = (
     (TraceDirection.FORWARD_X, TraceDirection.BACK_X),

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, TraceDirection
-from whisker_array.estimation.estimate import is_profiler, moment_per_lift
+from whisker_array.estimation.estimate import is_profiler
 from whisker_array.estimation.relief import relief_from_edges
+from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
 
 Layer = NDArray[np.float64]
@@ -31,7 +32,7 @@ def fill_from_crossing(
     pitch_mm: float,
 ) -> tuple[list[Layer], list[Mask]]:
     """Fill unknown samples (rows, cols) of one pair of directions from the pair that crosses it, where known."""
-    layers, known = list(layers), list(known)
+    layers, known, profiler = list(layers), list(known), is_profiler(touch.tip)
     layer_of = {direction: k for k, direction in enumerate(directions)}
     measured = [layer.copy() for layer in known]
     for axis, pair in enumerate(OPPOSITE_DIRECTIONS):
@@ -53,17 +54,9 @@ def fill_from_crossing(
         slope = np.gradient(height, pitch_mm, axis=1 - axis)
         for direction in pair:
             k = layer_of[direction]
-            expected = _expected_factor(height, -slope if direction.backward else slope, touch)
+            factor = 1.0 if profiler else moment_ratio(direction.sign * slope, touch.friction, touch.tip)
+            expected = (1.0 + height / touch.preload_mm) * factor - 1.0
             take = sure & ~measured[k] & np.isfinite(expected)
             layers[k] = np.where(take, expected, layers[k])
             known[k] = known[k] | take
     return layers, known
-
-
-def _expected_factor(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:
-    lift = 1.0 + height_mm / touch.preload_mm
-    if is_profiler(touch.tip):
-        return lift - 1.0
-    phi = np.arctan(touch.friction)
-    land = float(moment_per_lift(phi, touch.tip))
-    return np.asarray(lift * moment_per_lift(np.arctan(slope) + phi, touch.tip) / land - 1.0)

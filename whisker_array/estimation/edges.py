@@ -1,13 +1,11 @@
 """Scan -> EdgeMap, directly from the moment signal: m / m_land - 1 and no filter of any kind.
 
 Only errors that the land itself shows are removed: offset (from the array lifted before each pass, which also removes
-earlier creep), gain of each whisker, drift of each line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) -
-1, the paper's enhancement.
+earlier creep), gain of each whisker, drift of each line, tilt of the part. What remains is the paper's enhancement,
+(1 + h/d0) F(slope, mu) - 1.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +25,13 @@ UNUSABLE = np.uint8(0xFF & ~SampleFlag.SATURATED)
 
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     """Moments (passes, whiskers, samples), N mm, less the median of their pass's air, without gain if it is known."""
-    raw, offset = _signal(scan, sweep)
-    return raw.astype(np.float64) - offset[..., None]
+    raw, air = np.asarray(sweep.moment_n_mm), sweep.air_n_mm
+    if scan.calibration is not None:
+        raw, air = (apply_calibration(signal, scan.calibration) for signal in (raw, air))
+    moment = raw.astype(np.float64)
+    if air.shape[2]:
+        moment -= np.median(air, axis=2, keepdims=True)
+    return moment
 
 
 def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
@@ -38,26 +41,16 @@ def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     return moment
 
 
-def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
-    raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
-    air = sweep.air_n_mm
-    if scan.calibration is not None:
-        raw = apply_calibration(raw, scan.calibration)
-        air = apply_calibration(air, scan.calibration)
-    return raw, np.median(air, axis=2).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
-
-
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, without lead-in. Raises MapError."""
-    raw, offset = _signal(scan, sweep)
-    shape, lead = raw.shape, sweep.plan.n_lead
+    moment, lead = usable_moments(scan, sweep), sweep.plan.n_lead
     order, whisker, place = sweep.plan.lines_in_order()
-    within, flags = slice(lead, max(shape[2] - lead, lead)), sweep.flags.reshape(-1, shape[2])[order]
-    lines = raw.reshape(-1, shape[2])[order, within].astype(np.float64) - offset.ravel()[order, None]
-    lines[(flags[:, within] & UNUSABLE) != 0] = np.nan
+    within = slice(lead, max(moment.shape[2] - lead, lead))
+    lines = moment.reshape(-1, moment.shape[2])[order, within]
     keep = np.asarray(np.isfinite(lines).any(axis=1))
     # lines of an excluded whisker stay as unknown: crossing passes may fill them
-    listed = np.asarray(keep | ((flags & np.uint8(SampleFlag.FAULTY)) != 0).all(axis=1))
+    faulty = ((sweep.flags & np.uint8(SampleFlag.FAULTY)) != 0).all(axis=2).ravel()[order]
+    listed = np.asarray(keep | faulty)
     values = np.full((np.count_nonzero(listed), lines.shape[1]), np.nan)
     if keep.sum() < 2:
         raise MapError(
@@ -76,8 +69,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
         lines /= land_surface(land, lines.shape)
         remove_drift(lines)
     values[keep[listed]] = lines - 1.0
-    position = sweep.plan.position_mm()[lead : shape[2] - lead]
-    return SweptLines(values, place[listed], position, sweep.plan.direction)
+    return SweptLines(values, place[listed], sweep.plan.position_mm()[within], sweep.plan.direction)
 
 
 def edge_map(

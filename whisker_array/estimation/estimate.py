@@ -105,8 +105,7 @@ def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Arr
     return _per_lift(tip.compliance_mm_per_n[0], theta_rad, tip) * np.asarray(lift_mm, dtype=np.float64)
 
 
-def _small_root(square: ArrayLike, linear: ArrayLike, constant: ArrayLike) -> Array:
-    a, b, c = (np.asarray(v, dtype=np.float64) for v in np.broadcast_arrays(square, linear, constant))
+def _small_root(a: Array, b: Array, c: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         disc = b * b - 4.0 * a * c
         root = -2.0 * c / (b + np.copysign(np.sqrt(disc), b))

@@ -62,6 +62,10 @@ class SweepShares(OneLine):
         share, air = (np.where(good[:, None], values, np.nan) for values in (self.share, self.air))
         return replace(self, share=share, air=air)
 
+    def in_time(self, mask: Mask) -> Mask:
+        """A mask of samples in the recording's order of passes."""
+        return mask[np.argsort(self.across)]
+
 
 def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
     """The dragged sweeps of a scan of one kind of whisker, without saturated samples."""
@@ -217,15 +221,10 @@ def gains(shares: list[SweepShares]) -> Floats:
     return np.exp(quantile_of_known(logs.T))
 
 
-class Form(NamedTuple):
-    """Form of the plate along (x, y), mm over the scanned length: a plane's rise, a parabola's sag."""
-
-    rise_mm: tuple[float, float]
-    sag_mm: tuple[float, float]
-
-
-def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
-    """Rise and sag of the land along the travel of the sweeps; zero without a sweep.
+def plate_form(
+    shares: list[SweepShares], preload_mm: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Rise of the land's plane and sag of its parabola along (x, y), mm over the scanned length; 0 without a sweep.
 
     The median of all lines at each position is land and does not depend on the gain of one whisker; a parabola is
     fitted to it robustly. (The estimator's own land may have another form if a plate is far off.)
@@ -245,11 +244,10 @@ def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
             off = np.abs(middle - terms @ fit)
             keep = off <= 2.5 * MAD * float(np.median(off[keep])) + 1e-9
         else:
-            forward = -1.0 if f.plan.direction.backward else 1.0
-            scale = preload_mm / level if level else 0.0
-            pairs[f.plan.direction.along_x].append((2.0 * forward * slope * scale, bend * scale))
-    along = [np.median(pairs[axis], axis=0).tolist() if pairs[axis] else (0.0, 0.0) for axis in (True, False)]
-    return Form(*zip(*along, strict=True))
+            direction, scale = f.plan.direction, preload_mm / level if level else 0.0
+            pairs[direction.along_x].append((2.0 * direction.sign * slope * scale, bend * scale))
+    x, y = (np.median(pairs[axis], axis=0).tolist() if pairs[axis] else (0.0, 0.0) for axis in (True, False))
+    return (x[0], y[0]), (x[1], y[1])
 
 
 class Tone(NamedTuple):

@@ -348,14 +348,11 @@ def _flag_saturated(scan: Scan, limits: FaultLimits) -> tuple[Scan, tuple[Fault,
     clipped = np.sum([mask.sum(axis=(0, 2)) for mask in masks], axis=0)
     if not clipped.any():
         return scan, ()
-    bits = {
-        sweep.plan.direction: mask * np.uint8(SampleFlag.SATURATED)
-        for sweep, mask in zip(scan.sweeps, masks, strict=True)
-    }
     hit = int(np.count_nonzero(clipped))
     percent = 100.0 * float(clipped.sum()) * clipped.size / (hit * scan.n_samples)
     fault = _fault(FaultKind.SATURATED, percent, hit, clipped.size)
-    return add_flags(scan, bits), (fault,)
+    by_direction = dict(zip(scan.directions, masks, strict=True))
+    return add_flags(scan, SampleFlag.SATURATED, by_direction), (fault,)
 
 
 def _others(values: Floats) -> Iterator[Floats]:
@@ -414,23 +411,20 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
     """Flag unusable samples: of faulty whiskers, spikes, and tips beyond the part; clipped ones as saturated."""
     useless = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.REVERSED, FaultKind.DOUBLED)
     whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})
-    bad = np.uint8(SampleFlag.FAULTY)
-    if any(f.kind is FaultKind.SHIFTED for f in faults):
+    bad, kinds = np.uint8(SampleFlag.FAULTY), {f.kind for f in faults}
+    if FaultKind.SHIFTED in kinds:
         scan = signals.in_step(scan, signals.samples_late(scan))
-    if any(f.kind is FaultKind.NO_SIGNAL for f in faults):
+    if FaultKind.NO_SIGNAL in kinds:
         whiskers += np.flatnonzero(np.asarray(scan.kind) == 0)[signals.without_value(only(scan))].tolist()
-    spiked = {}
-    if any(f.kind is FaultKind.SPIKES for f in faults):
-        spiked = {
-            f.plan.direction: measures.spikes(f, least=limits.spike)[np.argsort(f.across)] * bad
-            for f in measures.sweep_shares(only(scan))
-        }
+    # spikes are sought before tips beyond the part are flagged
+    shares = measures.sweep_shares(only(scan)) if FaultKind.SPIKES in kinds else []
+    spiked = {f.plan.direction: f.in_time(measures.spikes(f, least=limits.spike)) for f in shares}
     scan = signals.flag_beyond_part(scan, least=limits.dead_level)
-    if any(f.kind is FaultKind.SATURATED for f in faults):
+    if FaultKind.SATURATED in kinds:
         clipped = _flag_saturated(only(scan), limits)[0].sweeps
-        scan = add_flags(scan, {s.plan.direction: s.flags & np.uint8(SampleFlag.SATURATED) for s in clipped})
-    if spiked:
-        scan = add_flags(scan, spiked)
+        saturated = {s.plan.direction: (s.flags & np.uint8(SampleFlag.SATURATED)) != 0 for s in clipped}
+        scan = add_flags(scan, SampleFlag.SATURATED, saturated)
+    scan = add_flags(scan, SampleFlag.FAULTY, spiked)
     if whiskers:
         every = np.isin(np.arange(scan.n_whiskers), whiskers)[:, None] * bad
         # a channel without a value has not left the converter's range

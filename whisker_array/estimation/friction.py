@@ -63,8 +63,7 @@ class _LandLines:
     whisker: NDArray[np.int64]
 
     def meets(self, other: _LandLines) -> bool:
-        alike = self.place_mm.shape == other.place_mm.shape
-        return alike and np.allclose(self.place_mm, other.place_mm)
+        return self.moment.shape == other.moment.shape and np.allclose(self.place_mm, other.place_mm)
 
 
 def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _LandLines:
@@ -127,14 +126,11 @@ def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
 
 
 def _by_two_ways(scan: Scan, kind: int) -> LandFriction | None:
-    pushed = {int(s.plan.direction): s for s in scan.sweeps if s.plan.pushed}
-    pairs = []
-    for sweep in scan.sweeps:
-        back = pushed.get((int(sweep.plan.direction) + 180) % 360)
-        if sweep.plan.pushed or back is None or back.plan.line_mm.shape != sweep.plan.line_mm.shape:
-            continue
-        first, other = (_land_lines(scan, s, kind) for s in (sweep, back))
-        if first.meets(other) and first.moment.shape == other.moment.shape:
-            pairs.append((first, other))
+    lines = {(int(s.plan.direction), s.plan.pushed): _land_lines(scan, s, kind) for s in scan.sweeps}
+    pairs = [
+        (dragged, back)
+        for (direction, pushed), dragged in lines.items()
+        if not pushed and (back := lines.get(((direction + 180) % 360, True))) and dragged.meets(back)
+    ]
     tip = scan.touches[kind].tip
     return _mean_friction(pairs, lambda a, b: friction_from_two_ways(a, b, tip), FrictionRoute.TWO_WAYS)

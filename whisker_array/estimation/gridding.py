@@ -74,12 +74,6 @@ class SweptLines(OneLine):
     along_mm: Lines
     direction: TraceDirection
 
-    def __post_init__(self) -> None:
-        if self.values.shape != (self.place_mm.size, self.along_mm.size):
-            raise MapError(
-                f"values {self.values.shape} do not fit {self.place_mm.size} lines of {self.along_mm.size}"
-            )
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlateGrid(OneLine):

@@ -92,8 +92,12 @@ def whisker_gain(lines: NDArray[np.floating[Any]], whisker: NDArray[np.int64]) -
         return np.ones(whisker.size)
     # only the steps across the borders and beside them are needed
     needed = np.unique(np.clip(border[:, None] + np.array([-1, 0, 1]), 0, whisker.size - 2))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        step = np.log(np.abs(lines[needed + 1] / lines[needed]))
+    step[np.isinf(step)] = np.nan
+    enough = np.isfinite(step).sum(axis=1) >= 20
     middle = np.full(whisker.size - 1, np.nan)
-    middle[needed] = _log_step(lines, needed)
+    middle[needed[enough]] = np.nanmedian(step[enough], axis=1)
     known = np.isfinite(middle)
     index = np.searchsorted(names, whisker)
     steps = []
@@ -117,16 +121,6 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
         rows[k, before] -= 1.0
         target[k] = step
     return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0])
-
-
-def _log_step(lines: NDArray[np.floating[Any]], first: NDArray[np.int64]) -> NDArray[np.float64]:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        step = np.log(np.abs(lines[first + 1] / lines[first]))
-    step[np.isinf(step)] = np.nan
-    known = np.isfinite(step).sum(axis=1) >= 20
-    middle = np.full(first.size, np.nan)
-    middle[known] = np.nanmedian(step[known], axis=1)
-    return middle
 
 
 def remove_drift(

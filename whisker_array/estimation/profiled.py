@@ -163,7 +163,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
         raise MapError("the rows of the array do not run on the same lines")
     plan = slopes_of.sweeps[number].plan
     e = -1.0 if plan.pushed else 1.0
-    s = e * (-1.0 if plan.direction.backward else 1.0)
+    s = e * plan.direction.sign
     phi = e * float(np.arctan(mu))
     along = s * sloped.along_mm  # increases towards the base for either direction of travel
     order = np.argsort(along)

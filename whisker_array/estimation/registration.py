@@ -13,7 +13,6 @@ the half difference. The play that agrees best is removed.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,11 +68,19 @@ def registration_mm(
 
 def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
     """Find the play, pixels, that agrees best with eq. (16), positive if the forward map must move on; 0 if unclear."""
+    mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
+    moment_ratio(0.0, mu, touch.tip)  # raises an error if the whisker jams on the land
+    per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
     strength = (ahead**2).sum(axis=1) + (behind**2).sum(axis=1)
     lines = np.argsort(-strength)[:MOST_LINES]
-    ahead, behind = ahead[lines], behind[lines]
+    beyond = math.ceil(0.5 * LIMIT_PIXELS) + 1
+    wide = [np.pad(layer[lines], ((0, 0), (beyond, beyond)), mode="edge") for layer in (ahead, behind)]
     plays = np.arange(-LIMIT_PIXELS, LIMIT_PIXELS + 1)
-    cost = _costs(ahead, behind, 0.5 * plays, touch, pitch_mm)
+    cost, room = np.zeros(plays.size), np.empty((5, ahead.shape[1]))
+    add_costs(
+        *wide, 0.5 * plays, touch.preload_mm / pitch_mm, STEEPEST, mu, read_only(row), read_only(arm),
+        float(per_land), LIMIT_PIXELS, room, cost,
+    )  # fmt: skip
     best = int(np.argmin(cost))
     if not 0 < best < plays.size - 1 or cost[best] > 0.98 * np.median(cost):
         return 0.0
@@ -126,23 +133,6 @@ def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land
                 miss = edges[j] - reach[j] * step[j]
                 missed += miss * miss
             cost[k] += missed
-
-
-def _costs(
-    ahead: Layer, behind: Layer, halves: NDArray[np.floating[Any]], touch: Touch, pitch_mm: float
-) -> Layer:
-    mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
-    moment_ratio(0.0, mu, touch.tip)  # raises an error if the whisker jams on the land
-    per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
-    lines, samples = ahead.shape
-    beyond = math.ceil(np.abs(halves).max(initial=0.0)) + 1
-    wide = [np.pad(layer, ((0, 0), (beyond, beyond)), mode="edge") for layer in (ahead, behind)]
-    cost, room = np.zeros(halves.size), np.empty((5, samples))
-    add_costs(
-        *wide, halves, touch.preload_mm / pitch_mm, STEEPEST, mu, read_only(row), read_only(arm),
-        float(per_land), LIMIT_PIXELS, room, cost,
-    )  # fmt: skip
-    return np.asarray(cost / (lines * max(samples - 2 * LIMIT_PIXELS, 1)))
 
 
 def _shift_rows(layer: Layer, pixels: float) -> Layer:

@@ -25,8 +25,6 @@ from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_
 from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.whisker.touch import Touch
 
-Layer = NDArray[np.float64]
-
 STEEPEST = 3.0
 """Slopes are clipped here, at 72 degrees; no die is steeper, so beyond is noise at an edge."""
 
@@ -110,26 +108,38 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
 
 def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
     """Compute height and slopes from traces in opposite directions. Raises MapError."""
-    mu = touch.friction if friction is None else friction
+    mu, tip = touch.friction if friction is None else friction, touch.tip
     by_direction = dict(zip(edges.directions, edges.enhancement, strict=True))
-    if is_profiler(touch.tip):
-        return _relief(edges, touch, None, {}, mu=mu, route=Route.PROFILED)
-    land = float(moment_per_lift(np.arctan(mu), touch.tip))
-    if not np.isfinite(land):
-        raise MapError(f"at a friction of {mu} the whisker jams on the land", hint="check the friction")
     total, count = np.zeros(edges.shape), np.zeros(edges.shape, dtype=np.uint8)
+    route = Route.PROFILED if is_profiler(tip) else Route.FLOORS
+    land = float(moment_per_lift(np.arctan(mu), tip))
+    if route is not Route.PROFILED and not np.isfinite(land):
+        raise MapError(f"at a friction of {mu} the whisker jams on the land", hint="check the friction")
     slopes = {}
     for axis, (ahead, back) in enumerate(OPPOSITE_DIRECTIONS):
-        if ahead not in by_direction or back not in by_direction:
+        if route is Route.PROFILED or ahead not in by_direction or back not in by_direction:
             continue
-        slopes[axis] = np.empty(edges.shape, dtype=np.float32)
+        route, slopes[axis] = Route.TURNED, np.empty(edges.shape, dtype=np.float32)
         maps = map(read_only, (by_direction[ahead], by_direction[back]))
-        of_tip = map(read_only, (touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm))
+        of_tip = map(read_only, (tip.compliance_mm_per_n[1], tip.moment_arm_mm))
         both_ways(*maps, *of_tip, mu, land, STEEPEST, slopes[axis], total, count)
-    if not slopes:
-        return _relief(edges, touch, None, {}, mu=mu, route=Route.FLOORS)
-    lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return _relief(edges, touch, lift, slopes, mu=mu, route=Route.TURNED)
+    # where no way separates it from the slope, the height is that of floors and land (F = 1)
+    lift = 1.0 + edges.enhancement.mean(axis=0, dtype=np.float64)
+    if route is Route.TURNED:
+        lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    height = ((lift - 1.0) * touch.preload_mm).astype(np.float32)
+    for layer in (height, *slopes.values()):
+        layer[~edges.valid] = np.nan
+    return Relief(
+        height_mm=height,
+        slope_x=slopes.get(0),
+        slope_y=slopes.get(1),
+        pitch_mm=edges.pitch_mm,
+        origin_mm=edges.origin_mm,
+        friction=mu,
+        friction_sd=None,
+        route=route,
+    )
 
 
 def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
@@ -148,36 +158,9 @@ def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
     layers = []
     for layer, direction in zip(edges.enhancement, edges.directions, strict=True):
         slope = relief.slope_x if direction.along_x else relief.slope_y
-        ahead = -1.0 if direction.backward else 1.0
-        tau = ahead * np.arctan(np.nan_to_num(slope.astype(np.float64))) if slope is not None else 0.0
+        tau = 0.0 if slope is None else direction.sign * np.arctan(np.nan_to_num(slope.astype(np.float64)))
         bent = tip_shift_mm(np.minimum(tau + phi, 1.5), lift, touch.tip) - lag
-        pixels = ahead * np.nan_to_num(bent) / edges.pitch_mm
+        pixels = direction.sign * np.nan_to_num(bent) / edges.pitch_mm
         moved = (rows, cols - pixels) if direction.along_x else (rows - pixels, cols)
         layers.append(map_coordinates(layer.astype(np.float64), moved, order=1, mode="nearest"))
     return replace(edges, enhancement=np.stack(layers).astype(np.float32))
-
-
-def _relief(
-    edges: EdgeMap,
-    touch: Touch,
-    lift: Layer | None,
-    slopes: dict[int, NDArray[np.float32]],
-    *,
-    mu: float,
-    route: Route,
-) -> Relief:
-    # where no way separates it from the slope, the height is that of floors and land (F = 1)
-    lift = 1.0 + edges.enhancement.mean(axis=0, dtype=np.float64) if lift is None else lift
-    height = ((lift - 1.0) * touch.preload_mm).astype(np.float32)
-    for layer in (height, *slopes.values()):
-        layer[~edges.valid] = np.nan
-    return Relief(
-        height_mm=height,
-        slope_x=slopes.get(0),
-        slope_y=slopes.get(1),
-        pitch_mm=edges.pitch_mm,
-        origin_mm=edges.origin_mm,
-        friction=mu,
-        friction_sd=None,
-        route=route,
-    )

@@ -86,11 +86,9 @@ def flag_beyond_part(scan: Scan, *, least: float = 0.2) -> Scan:
     if all(s.plan.pushed for s in scan.sweeps) or knows_part(scan):
         return scan
     shares = sweep_shares(only(scan))
-    bits = {
-        f.plan.direction: (mask & np.isfinite(f.share))[np.argsort(f.across)] * np.uint8(SampleFlag.OUTSIDE)
-        for f, mask in zip(shares, beyond_part(shares, least=least), strict=True)
-    }
-    return add_flags(scan, bits) if any(flags.any() for flags in bits.values()) else scan
+    pairs = zip(shares, beyond_part(shares, least=least), strict=True)
+    beyond = {f.plan.direction: f.in_time(mask & np.isfinite(f.share)) for f, mask in pairs}
+    return add_flags(scan, SampleFlag.OUTSIDE, beyond)
 
 
 def without(shares: Sequence[SweepShares], masks: Sequence[Mask]) -> list[SweepShares]:

@@ -83,8 +83,7 @@ class PieceMap:
 
     def _dilated(self, step: int) -> NDArray[np.float32]:
         radius_mm = self._radius_mm * (1.0 + RADIUS_STEP) ** step
-        none = np.zeros((1, 1), dtype=np.float32)
-        return dilated_fields(self._bare, none, pitch_mm=self._grid, radius_mm=radius_mm)[..., :3]
+        return dilated_fields(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)[..., :3]
 
     def _surface_of(self, step: int) -> TouchSurface:
         low, high = self._dilated(step), self._dilated(step + 1)
@@ -104,10 +103,8 @@ class PieceMap:
 
     def pose(self, direction: TraceDirection, bench: Bench) -> SurfacePose:
         """Place the map under traces of a direction: x along the plate's or against it, z as the plate's."""
-        way = -1.0 if direction.backward else 1.0
-        plate_from_trace = np.array(
-            [[way, 0.0], [0.0, 1.0]] if direction.along_x else [[0.0, 1.0], [way, 0.0]]
-        )
+        x, z = (direction.sign, 0.0), (0.0, 1.0)
+        plate_from_trace = np.array((x, z) if direction.along_x else (z, x))
         map_from_plate = _turn(ASKEW_RAD + math.radians(bench[Unknown.YAW]))
         turn = map_from_plate @ plate_from_trace
         corner = -map_from_plate @ _shift_mm(bench) - self._origin

@@ -249,9 +249,8 @@ class RecordingReader(CheckedFile):
         elif "stage/position_mm" in self.file:
             position = self.numbers("stage/position_mm", (self.file["stage/pass"].shape[0], 2))
             along = position[touching, 0 if direction.along_x else 1]
-            sign = -1.0 if direction.backward else 1.0
-            step = sign * float((along[:, -1] - along[:, 0]).mean()) / (n_samples - 1)
-            even = along[:, :1] + sign * step * np.arange(n_samples)
+            step = direction.sign * float((along[:, -1] - along[:, 0]).mean()) / (n_samples - 1)
+            even = along[:, :1] + direction.sign * step * np.arange(n_samples)
             starts, uneven = along[:, 0], float(np.abs(along - even).max())
         else:
             raise self.fail("has neither /passes/start_mm and step_mm nor /stage/position_mm")

@@ -146,13 +146,15 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
     )
 
 
-def add_flags(scan: Scan, bits: Mapping[TraceDirection, NDArray[np.uint8]], *, kind: int = 0) -> Scan:
-    """Add flags (passes, whiskers, samples) to one kind of whisker in the dragged sweeps of some directions."""
-    columns, sweeps = np.flatnonzero(np.asarray(scan.kind) == kind), []
+def add_flags(scan: Scan, flag: SampleFlag, masks: Mapping[TraceDirection, NDArray[np.bool_]]) -> Scan:
+    """Flag samples (passes, whiskers, samples) of the first kind of whisker in dragged sweeps."""
+    if not any(mask.any() for mask in masks.values()):
+        return scan
+    columns, sweeps = np.flatnonzero(np.asarray(scan.kind) == 0), []
     for sweep in scan.sweeps:
         flags = sweep.flags.copy()
-        if not sweep.plan.pushed and sweep.plan.direction in bits:
-            flags[:, columns] |= bits[sweep.plan.direction]
+        if not sweep.plan.pushed and sweep.plan.direction in masks:
+            flags[:, columns] |= masks[sweep.plan.direction] * np.uint8(flag)
         sweeps.append(replace(sweep, flags=flags))
     return replace(scan, sweeps=tuple(sweeps))
 

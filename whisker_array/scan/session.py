@@ -76,8 +76,8 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
     first = sweeps[0].plan
     if any(abs(s.plan.step_mm - first.step_mm) > 1e-9 for s in sweeps):
         raise ValueError("passes of one direction were sampled at different steps")
-    sign = -1.0 if first.direction.backward else 1.0
-    begin = [round(sign * (s.plan.start_mm - first.start_mm) / first.step_mm) for s in sweeps]
+    step_mm = first.direction.sign * first.step_mm
+    begin = [round((s.plan.start_mm - first.start_mm) / step_mm) for s in sweeps]
     earliest = min(begin)
     n = max(b + s.plan.n_samples for b, s in zip(begin, sweeps, strict=True)) - earliest
     air = min(s.air_n_mm.shape[2] for s in sweeps)
@@ -97,7 +97,7 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
     plan = replace(
         first,
         line_mm=np.concatenate([s.plan.line_mm for s in sweeps]),
-        start_mm=first.start_mm + sign * first.step_mm * earliest,
+        start_mm=first.start_mm + step_mm * earliest,
         n_samples=n,
         n_lead=min(s.plan.n_lead for s in sweeps),
     )

@@ -39,19 +39,17 @@ class StagePlay(Validated):
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
     """Draw a typical stage: the defaults, with random rate and phase of the screw."""
-    usual = StagePlay()
-    rate = usual.rate * float(rng.uniform(-1.0, 1.0))
+    rate = StagePlay.rate * float(rng.uniform(-1.0, 1.0))
     return StagePlay(rate=rate, phase_rad=float(rng.uniform(0.0, 2.0 * math.pi)))
 
 
 def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
     """Return the plan as the stage runs it, except for the screw's wave, which varies along a line."""
-    way = -1.0 if plan.direction.backward else 1.0
     off = rng.normal(0.0, stage.return_mm, size=(plan.line_mm.shape[0], 1))
     return replace(
         plan,
         line_mm=plan.line_mm * (1.0 + stage.rate) + off,
-        start_mm=plan.start_mm * (1.0 + stage.rate) - way * 0.5 * stage.play_mm,
+        start_mm=plan.start_mm * (1.0 + stage.rate) - plan.direction.sign * 0.5 * stage.play_mm,
         step_mm=plan.step_mm * (1.0 + stage.rate),
     )
 
@@ -60,13 +58,9 @@ def apply_screw_wave(
     moment: NDArray[np.float32], flags: NDArray[np.uint8], plan: SweepPlan, stage: StagePlay
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Move samples at even positions to those of a screw's wave, a small part of a step, by linear interpolation."""
-    if stage.wave_mm == 0.0:
-        return moment, flags
-    way = -1.0 if plan.direction.backward else 1.0
     position = plan.position_mm()
-    ahead = (
-        way * stage.wave_mm * np.sin(2.0 * np.pi * position / stage.lead_mm + stage.phase_rad) / plan.step_mm
-    )
+    wave_mm = stage.wave_mm * np.sin(2.0 * np.pi * position / stage.lead_mm + stage.phase_rad)
+    ahead = plan.direction.sign * wave_mm / plan.step_mm
     place = np.clip(np.arange(position.size) + ahead, 0.0, position.size - 1.0)
     before = np.floor(place).astype(np.intp)
     after = np.minimum(before + 1, position.size - 1)

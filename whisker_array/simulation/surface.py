@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ def prepare_surface(
     For soft dirt, both its top and the surface below are dilated, because the tip rests somewhere in between; it
     lies on the grid of the map (`check_soil`). Raises MapError for wrong friction.
     """
-    mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
+    mu = check_friction(friction, height_map.shape)
     filled, dropout = fill_dropouts(height_map.z_mm)
     pitch = height_map.pitch_mm
     if soil is None or not soil.thickness_mm.any():
@@ -88,16 +88,15 @@ def prepare_surface(
         return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch)
     fields = dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
     stiffness = carrying_stiffness_n_per_mm(soil, tip_radius_mm=tip_radius_mm, pitch_mm=pitch)
-    none = np.zeros((1, 1), dtype=np.float32)
-    top = dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
-    carrying = dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
+    top = dilated_fields(filled, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
+    carrying = dilated_fields(stiffness, pitch_mm=pitch, radius_mm=0.0)
     carrying[..., 3] = (top != fields[..., :3]).any(axis=2)
     yielding = np.concatenate([top, carrying], axis=2)
     return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch, yielding=yielding)
 
 
 def dilated_fields(
-    z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float, radius_mm: float
+    z_mm: NDArray[np.float32], beside: Friction = 0.0, *, pitch_mm: float, radius_mm: float
 ) -> NDArray[np.float32]:
     """Fields (rows, cols, 4): heights dilated by a ball, their slopes along columns and rows, and `beside`."""
     z = np.asarray(dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm), dtype=np.float32)
@@ -114,24 +113,26 @@ def dilated_fields(
 
 def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
     """Return the surface in the *trace frame* of a direction: columns run as the whisker is dragged, rows as before."""
-    dropout = surface.dropout if direction.along_x else surface.dropout.T
-    dropout = dropout[:, ::-1] if direction.backward else dropout
     return replace(
         surface,
         fields=_orient(surface.fields, direction),
-        dropout=np.ascontiguousarray(dropout),
+        dropout=np.ascontiguousarray(_turn(surface.dropout, direction)),
         yielding=None if surface.yielding is None else _orient(surface.yielding, direction),
     )
 
 
+def _turn(layers: NDArray[Any], direction: TraceDirection) -> NDArray[Any]:
+    turned = layers if direction.along_x else layers.swapaxes(0, 1)
+    return turned[:, ::-1] if direction.backward else turned
+
+
 def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
-    turned = fields if direction.along_x else fields.swapaxes(0, 1)
-    turned = turned[:, ::-1] if direction.backward else turned
+    turned = _turn(fields, direction)
     out = np.empty(turned.shape, dtype=np.float32)
     # slopes along and across the trace are layers 1 and 2, and for dirt on top layers 4 and 5
     of = (0, 1, 2, 3, 4, 5, 6) if direction.along_x else (0, 2, 1, 3, 5, 4, 6)
     for layer in range(fields.shape[2]):
-        sign = np.float32(-1.0 if direction.backward and layer in (1, 4) else 1.0)
+        sign = np.float32(direction.sign if layer in (1, 4) else 1.0)
         np.multiply(turned[..., of[layer]], sign, out=out[..., layer])
     return out
 

@@ -82,8 +82,8 @@ class SweepPlan(OneLine):
 
     def position_mm(self) -> NDArray[np.float64]:
         """(samples,) plate coordinate along the trace of each touching sample, the same for every row."""
-        sign = -1.0 if self.direction.backward else 1.0
-        return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
+        step_mm = self.direction.sign * self.step_mm
+        return self.start_mm + step_mm * np.arange(self.n_samples, dtype=np.float64)
 
 
 @dataclass(frozen=True, repr=False)
