@@ -25,7 +25,7 @@ from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, describe_directions, measured_plans
 from whisker_array.design.search import sides_mm
 from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, WhiskerArray, default_plan
-from whisker_array.whisker.comb import Body, Comb, body_of, least_rows, least_stagger_mm
+from whisker_array.whisker.comb import Body, body_of, least_rows, least_stagger_mm
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.sections import Rectangle
 from whisker_array.whisker.shapes import LShaped
@@ -78,7 +78,7 @@ class ArrayChoice(OneLine):
 @cache
 def _stagger_mm(body: Body, rows: int, step_mm: float) -> float:
     # any two of the rows that `least_rows` takes overlap sideways
-    return least_stagger_mm(body, Comb(rows, body.width_mm / rows, rows=rows), step_mm=step_mm)
+    return least_stagger_mm(body, WhiskerArray(rows, body.width_mm / rows, rows=rows), step_mm=step_mm)
 
 
 def _builds(request: ArrayRequest) -> Iterator[tuple[LShaped, Body]]:

@@ -143,17 +143,16 @@ def first_frequency_hz(whisker: LShaped) -> float:
     return number * thickness / whisker.l1_mm**2
 
 
-def linear_force_error(whisker: LShaped, *, lift_mm: float, mu: float, alpha_rad: float = 0.0) -> float:
-    """First-order error of the linear beam's force relative to the elastica, (linear - exact) / exact.
+def linear_force_error(whisker: LShaped, *, lift_mm: float, mu: float) -> float:
+    """First-order error of the linear beam's force on the land, (linear - exact) / exact by the elastica.
 
-    (lift / l1 c) [0.6 tan(beta) + 1.2 tan(beta + alpha - atan(mu))] + 3.375 k lift / l1: the beam shortens as
+    (lift / l1 c) [0.6 tan(beta) + 1.2 tan(beta - atan(mu))] + 3.375 k lift / l1: the beam shortens as
     it bends, the pull along it stiffens it, and the tip arm swings out (a term exact for beta = 0, mu = 0).
     """
-    lean = math.tan(whisker.beta_rad + alpha_rad - math.atan(mu))
+    lean = math.tan(whisker.beta_rad - math.atan(mu))
     bent = lift_mm / whisker.l1_mm / math.cos(whisker.beta_rad)
-    return (
-        bent * (0.6 * math.tan(whisker.beta_rad) + 1.2 * lean) + 3.375 * whisker.k * lift_mm / whisker.l1_mm
-    )
+    swing = 3.375 * whisker.k * lift_mm / whisker.l1_mm
+    return bent * (0.6 * math.tan(whisker.beta_rad) + 1.2 * lean) + swing
 
 
 def check(

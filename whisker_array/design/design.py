@@ -175,19 +175,14 @@ def search(problem: Problem, *, n_starts: int, seed: int) -> tuple[Problem, Cand
 
 def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
     """Repeat the search with the linear beam's error scaled to the exact one, until the limit is just kept."""
-    limit = problem.limits.linear_error
-    best_trial: tuple[Problem, Candidate] | None = None
+    limit, kept = problem.limits.linear_error, []
     for _ in range(_ELASTICA_ROUNDS):
         trial = round_candidate(candidate, problem)
         exact = land_linear_error(trial.whisker, problem.request, preload_mm=trial.preload_mm)
         checked = check(trial.whisker, problem.request, problem.limits, preload_mm=trial.preload_mm)
         first_order = float(checked.table[Bound.LINEAR_BEAM][0].max())
-        if (
-            exact <= limit
-            and trial.reserve > 0.0
-            and (best_trial is None or trial.worth > best_trial[1].worth)
-        ):
-            best_trial = (problem, trial)
+        if exact <= limit and trial.reserve > 0.0:
+            kept.append((problem, trial))
         scale = min(2.0 * problem.error_scale, exact / first_order)
         bound_by_it = first_order * problem.error_scale > (1.0 - _ELASTICA_NEAR) * limit
         overdone = bound_by_it and exact < (1.0 - _ELASTICA_NEAR) * limit
@@ -198,7 +193,7 @@ def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Ca
         if again is None:
             break
         candidate = again
-    return best_trial
+    return max(kept, key=lambda pair: pair[1].worth, default=None)
 
 
 def describe_design(problem: Problem, candidate: Candidate) -> Design:

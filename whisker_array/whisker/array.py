@@ -18,14 +18,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated
+from glyphs.ranges import Count, Finite, NotNegative, Positive, Range, Validated, require_range
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
-from whisker_array.whisker.comb import Body, Comb, collisions, default_body, room_hint
+from whisker_array.whisker.comb import Body, collisions, default_body, room_hint
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
 from whisker_array.whisker.sections import WhiskerError
 
@@ -45,14 +46,25 @@ PITCH_TOLERANCE = 1e-3
 """Allowed deviation of whisker pitch over line pitch from a whole number: the accuracy of a comb's manufacture."""
 
 
+AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
+
+
 @dataclass(frozen=True)
-class WhiskerArray(Comb):
+class WhiskerArray(Validated, error=WhiskerError):
     """A comb of equal whiskers, or several; without a `body` whiskers are points. Raises WhiskerError."""
 
+    n_whiskers: AtLeastOne
+    pitch_mm: Positive  # lateral distance between neighbouring whiskers
+    rows: int = 1
+    stagger_mm: NotNegative = 0.0
+    # number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
+    # with the position of its own tip
+    kinds: AtLeastOne = 1
     body: Body | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_range(WhiskerError, Range(1, self.n_whiskers), rows=self.rows)
         if self.body is not None:
             points = replace(self, body=None)
             if touching := collisions(self.body, points):

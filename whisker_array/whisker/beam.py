@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +38,7 @@ _WORLD_X = np.array([1.0, 0.0, 0.0])
 
 def cross_matrix(r: Vector) -> Matrix:
     """[r]x of eq. (5): cross_matrix(r) @ f = r x f, for (3,) or (n, 3)."""
-    r = np.asarray(r, dtype=np.float64)
-    matrix = np.zeros((*r.shape, 3))
-    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        matrix[..., a, b], matrix[..., b, a] = -r[..., c], r[..., c]
-    return matrix
+    return np.cross(np.eye(3), np.asarray(r, dtype=np.float64)[..., None, :])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,30 +120,13 @@ def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
         if not isinstance(segment.section, Taper):
             return d
         if previous is not None:
-            blocks = ((slice(0, 3), slice(0, 3)), (slice(0, 3), slice(3, 6)), (slice(3, 6), slice(3, 6)))
-            if all(
-                np.abs(d[b] - previous[b]).max() <= _TAPER_TOLERANCE * max(np.abs(d[b]).max(), 1e-300)
-                for b in blocks
-            ):
+            change, size = (np.abs(m).reshape(2, 3, 2, 3).max(axis=(1, 3)) for m in (d - previous, d))
+            if (change <= _TAPER_TOLERANCE * size).all():  # in each block of D
                 return d
         previous = d
     raise WhiskerError(
         "the taper is too steep to integrate", hint="make its thin end thicker or split the segment"
     )
-
-
-def check_chain(segments: Sequence[Segment]) -> None:
-    """Check that the segments follow each other, base to tip. Raises WhiskerError."""
-    if not segments:
-        raise WhiskerError("a chain needs at least one segment")
-    total = sum(s.length_mm for s in segments)
-    for i in range(len(segments) - 1):
-        gap = float(np.linalg.norm(segments[i + 1].start_mm - segments[i].end_mm))
-        if gap > 1e-9 * total:
-            raise WhiskerError(
-                f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}",
-                hint="list them base to tip",
-            )
 
 
 def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matrix:
@@ -156,7 +136,16 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
     rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers. `axial` includes the stretching term
     L/(EA) a a^T: the paper's closed forms leave it out, but without it a straight whisker's D11 is singular.
     """
-    check_chain(segments)
+    if not segments:
+        raise WhiskerError("a chain needs at least one segment")
+    total = sum(s.length_mm for s in segments)
+    for i, (segment, following) in enumerate(pairwise(segments)):
+        gap = float(np.linalg.norm(following.start_mm - segment.end_mm))
+        if gap > 1e-9 * total:
+            raise WhiskerError(
+                f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}",
+                hint="list them base to tip",
+            )
     tip = segments[-1].end_mm
     d = sum((_segment_compliance(segment, tip, axial) for segment in segments), np.zeros((6, 6)))
     return np.asarray((d + d.T) / 2.0)

@@ -21,17 +21,20 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import NotNegative, Positive, Range, Validated, require_positive, require_range
+from glyphs.ranges import Positive, Validated, require_positive
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
+
+if TYPE_CHECKING:
+    from whisker_array.whisker.array import WhiskerArray
 
 GAP_MM = 0.15
 """Least gap between two bodies: several times the uncertainty of a clamped ribbon's position."""
@@ -87,9 +90,10 @@ class Body(OneLine, Validated, error=WhiskerError):
         """Least clearance, bent or unbent, in the plane of tracing to the same whisker behind it; <= 0: none."""
         lines, box = self._outlines
         half = 0.5 * self.thickness_mm
-        if any(_within(a, self.clamp_mm, -behind_mm) for a in lines):
-            return -half
-        shift = np.array([-behind_mm, 0.0])
+        shift, (length, high) = np.array([-behind_mm, 0.0]), self.clamp_mm
+        for x, y in ((line - shift).T for line in lines):
+            if ((x > 0.0) & (x < length) & (np.abs(y) < high)).any():
+                return -half  # inside the clamp of the other
         worst = min(_distance(a, b + shift) for a in lines for b in lines) - self.thickness_mm
         to_clamps = min(min(_distance(box, a + shift), _distance(a, box + shift)) for a in lines) - half
         return min(worst, to_clamps, _distance(box, box + shift))
@@ -111,11 +115,6 @@ def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
     x -= along * steps[:, 0]
     y -= along * steps[:, 1]
     return math.sqrt(float((x * x + y * y).min()))
-
-
-def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: float) -> bool:
-    x, y = line[:, 0] - at_mm, line[:, 1]
-    return bool(((x > 0.0) & (x < clamp_mm[0]) & (np.abs(y) < clamp_mm[1])).any())
 
 
 def bent_the_most(
@@ -180,32 +179,12 @@ def default_body(character_height_mm: float) -> Body:
     return _unit_body().scaled(character_height_mm)
 
 
-AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
-
-
-@dataclass(frozen=True)
-class Comb(Validated, error=WhiskerError):
-    """Positions of whiskers, in one comb or several, one behind the other."""
-
-    n_whiskers: AtLeastOne
-    pitch_mm: Positive  # lateral distance between neighbouring whiskers
-    rows: int = 1
-    stagger_mm: NotNegative = 0.0
-    # number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
-    # with the position of its own tip
-    kinds: AtLeastOne = 1
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_range(WhiskerError, Range(1, self.n_whiskers), rows=self.rows)
-
-
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
     """Smallest number of rows at which the whiskers of a row do not touch."""
     return min(n_whiskers, max(1, math.ceil(body.side_room_mm / pitch_mm - 1e-9)))
 
 
-def collisions(body: Body, comb: Comb) -> str:
+def collisions(body: Body, comb: WhiskerArray) -> str:
     """Describe the first two whiskers that would touch; empty if none do."""
     in_row, several = comb.rows * comb.pitch_mm, comb.n_whiskers > comb.rows
     if several and in_row < body.side_room_mm:
@@ -228,7 +207,7 @@ def collisions(body: Body, comb: Comb) -> str:
     return ""
 
 
-def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
+def least_stagger_mm(body: Body, comb: WhiskerArray, *, step_mm: float) -> float:
     """Smallest distance of neighbouring rows, in whole steps, at which none touch. Raises WhiskerError."""
     if comb.n_whiskers > comb.rows and comb.rows * comb.pitch_mm < body.side_room_mm:
         enough = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
@@ -243,7 +222,7 @@ def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
     return next((mm for mm in tried if not collisions(body, replace(comb, stagger_mm=mm))), most * step_mm)
 
 
-def room_hint(body: Body, comb: Comb) -> str:
+def room_hint(body: Body, comb: WhiskerArray) -> str:
     """Suggest a wider pitch, or more rows and their distance."""
     rows = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
     stagger = least_stagger_mm(body, replace(comb, rows=rows), step_mm=0.25 * body.thickness_mm)
