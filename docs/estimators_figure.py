@@ -19,7 +19,8 @@ from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.sections import Rectangle
 from whisker_array.whisker.shapes import straight_whisker

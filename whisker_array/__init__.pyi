@@ -14,8 +14,9 @@ from .scan.simulated_session import SimulatedSession
 from .scan.stage_error import StageError
 from .scan.sweep import Sweep
 from .simulation.traces import Fidelity, SampleFlag
-from .whisker.array import RasterPlan, WhiskerArray, default_plan
+from .whisker.array import RasterPlan, default_plan
 from .whisker.beam import Segment
+from .whisker.comb import WhiskerArray
 from .whisker.defaults import default_preload_mm, default_whisker
 from .whisker.elastica import ElasticaError, LargeDeflection, large_deflection
 from .whisker.enhancement import enhancement_factor, moment_ratio

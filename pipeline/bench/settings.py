@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from pipeline.common.parsed import Finite, Strict, read_toml
 from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.touch import Touch, default_touch
 
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]

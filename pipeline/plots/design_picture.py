@@ -13,9 +13,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 
 from pipeline.plots.pictures import STEEL, VERMILION, note, styled
 from whisker_array.design.array_design import ArrayChoice, ArrayRequest
+from whisker_array.design.checks import factors
 from whisker_array.design.design import Design
 from whisker_array.design.trade import TradeOff
-from whisker_array.design.tuned import Tuned, factors, middle_friction
+from whisker_array.design.tuned import Tuned, middle_friction
 
 _CURVES = ("#9ec5e8", "#4a86c5", "#173f6b")
 

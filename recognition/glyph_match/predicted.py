@@ -39,7 +39,8 @@ from recognition.see.view import (
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch
 

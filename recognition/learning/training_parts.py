@@ -29,7 +29,8 @@ from recognition.see.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
+from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import Touch, default_touch
 

@@ -15,7 +15,8 @@ from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import SessionStage, StageSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 
 # ------------------------------------------------------------------------------------------------------------- scans

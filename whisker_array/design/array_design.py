@@ -11,7 +11,7 @@ For every number of whiskers, all combinations are computed and the quickest is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated
@@ -24,8 +24,8 @@ from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, describe_directions, measured_plans
 from whisker_array.design.search import sides_mm
-from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, WhiskerArray, default_plan
-from whisker_array.whisker.comb import Body, body_of, least_rows, least_stagger_mm
+from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, default_plan
+from whisker_array.whisker.comb import Body, WhiskerArray, body_of, least_rows, least_stagger_mm
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.sections import Rectangle
 from whisker_array.whisker.shapes import LShaped
@@ -104,7 +104,7 @@ def _interlaces(request: ArrayRequest, body: Body, *, n_whiskers: int, lines: in
 
 def _choices(
     request: ArrayRequest,
-    builds: Sequence[tuple[LShaped, Body]],
+    builds: Mapping[LShaped, Body],
     plans: Sequence[PlanCounts],
     n_whiskers: int,
 ) -> Iterator[ArrayChoice]:
@@ -115,7 +115,7 @@ def _choices(
             request.region_mm, character_height_mm=h, n_whiskers=1, speed_mm_s=speed,
             directions=tuple(TraceDirection(d) for d in counts.directions), lines_per_height=counts.lines,
         )  # fmt: skip
-        for whisker, body in builds:
+        for whisker, body in builds.items():
             for interlace in _interlaces(request, body, n_whiskers=n_whiskers, lines=counts.lines):
                 pitch = interlace * usual.line_pitch_mm
                 rows = least_rows(body, pitch_mm=pitch, n_whiskers=n_whiskers)
@@ -146,12 +146,11 @@ def design_arrays(
             hint=f"ask for {math.floor(1000 * best.accuracy) / 1000:g} or less ({best.lines} lines per height, "
             f"{describe_directions(best.directions)})",
         )
-    builds = tuple(_builds(request))
-    bodies = {id(whisker): body for whisker, body in builds}
+    builds = dict(_builds(request))
     chosen = []
     for n in sizes:
         quickest = min(_choices(request, builds, accepted, n), key=lambda c: c.stage_s)
         # building the comb with its body checks that whiskers have room
-        array = replace(quickest.plan.array, body=bodies[id(quickest.whisker)])
+        array = replace(quickest.plan.array, body=builds[quickest.whisker])
         chosen.append(replace(quickest, plan=replace(quickest.plan, array=array)))
     return tuple(chosen)

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.sections import Material, Rectangle, Round, Section, Taper
@@ -29,18 +29,16 @@ _FREQUENCY_PARTS = 3
 _MOST = 1e6
 """Stress, MPa, and force, N, of a whisker that jams: finite, for the search."""
 
-Values = NDArray[np.float64]
-
 
 @dataclass(frozen=True, repr=False)
 class Checked(OneLine):
     """A whisker in use compared with a request and limits, with all values as arrays for a search."""
 
-    contrast: Values
+    contrast: Floats
     # values, their limit, and whether it is the greatest allowed or the least
-    table: Mapping[Bound, tuple[Values, float, bool]]
+    table: Mapping[Bound, tuple[Floats, float, bool]]
 
-    def reserve(self) -> dict[Bound, Values]:
+    def reserve(self) -> dict[Bound, Floats]:
         """ln(limit / value) or ln(value / limit): positive if the limit is kept, linear far below a lower limit."""
         out = {}
         for bound, (value, limit, at_most) in self.table.items():
@@ -55,7 +53,7 @@ class Checked(OneLine):
         )
 
 
-def _log_or_line(share: Values) -> Values:
+def _log_or_line(share: Floats) -> Floats:
     return np.where(share > 0.1, np.log(np.maximum(share, 0.1)), math.log(0.1) + (share - 0.1) / 0.1)
 
 
@@ -70,30 +68,30 @@ def _tip(whisker: LShaped) -> TipModel:
     return whisker.tip_model()
 
 
-def _pushes(alpha_rad: Values, mu: Values) -> Values:
+def _pushes(alpha_rad: Floats, mu: Floats) -> Floats:
     c, s = np.cos(alpha_rad)[:, None], np.sin(alpha_rad)[:, None]
     return np.stack([s - mu * c, c + mu * s, np.zeros((alpha_rad.size, mu.size))], axis=-1)
 
 
-def edge_steps(
-    whisker: LShaped, *, preload_mm: float, depth_mm: float, alpha_rad: Values, mu: Values
-) -> tuple[Values, Values]:
-    """Steps of the signal at the two lips of walls, over the land moment, by eq. (16).
+def factors(whisker: LShaped, *, alpha_rad: Floats, mu: Floats) -> Floats:
+    """F by eq. (16), (n, m) for n slopes of walls and m frictions; NaN where the whisker jams."""
+    tip, slope = _tip(whisker), -np.tan(alpha_rad)
+    return np.stack([enhancement.moment_ratio(slope, float(m), tip) for m in mu], axis=1)
+
+
+def edge_steps(factor: Floats, *, preload_mm: float, depth_mm: float) -> Floats:
+    """Absolute steps of the signal at the top and bottom lips of walls, (2, n, m), over the land moment, from F (n, m).
 
     From m / m_land = (1 + h/d0) F: at the top lip, h = 0, the signal steps by F - 1; at the bottom lip, h = -depth, by
-    (F - 1)(1 - depth/d0). Returns the absolute steps (2, n, m) at both lips, and F (n, m), for n angles and m
-    frictions; NaN where it jams.
+    (F - 1)(1 - depth/d0).
     """
-    tip = _tip(whisker)
-    slope = -np.tan(alpha_rad)
-    factor = np.stack([enhancement.moment_ratio(slope, float(m), tip) for m in mu], axis=1)
     step = np.abs(factor - 1.0)
-    return np.stack([step, step * (1.0 - depth_mm / preload_mm)]), factor
+    return np.stack([step, step * (1.0 - depth_mm / preload_mm)])
 
 
 def normal_forces_n(
-    whisker: LShaped, *, preload_mm: float, alpha_rad: Values, mu: Values
-) -> tuple[Values, Values]:
+    whisker: LShaped, *, preload_mm: float, alpha_rad: Floats, mu: Floats
+) -> tuple[Floats, Floats]:
     """Normal force at full preload by (7) and (11), N, and e_y.D11 R'a over its land value (n, m); inf if jammed."""
     tip = _tip(whisker)
     push = _pushes(alpha_rad, mu)
@@ -105,7 +103,7 @@ def normal_forces_n(
     return force, lift / land
 
 
-def bending_stress_mpa(whisker: LShaped, normal_n: Values, *, alpha_rad: Values, mu: Values) -> Values:
+def bending_stress_mpa(whisker: LShaped, normal_n: Floats, *, alpha_rad: Floats, mu: Floats) -> Floats:
     """Bending stress M c / I at clamp and elbow under the normal forces (n, m), (2, n, m), MPa."""
     section = _section(whisker)
     sensor = _tip(whisker).moment_arm_mm  # (l1 s + l2 - l3, -l1 c, 0) = (-r_y, r_x, 0) seen from the sensor
@@ -177,13 +175,8 @@ def check(
     force, share = normal_forces_n(whisker, preload_mm=preload_mm, alpha_rad=corners, mu=mus)
     with np.errstate(invalid="ignore"):
         stress = bending_stress_mpa(whisker, force, alpha_rad=corners, mu=mus)
-    contrast, _ = edge_steps(
-        whisker,
-        preload_mm=preload_mm,
-        depth_mm=request.depth_mm,
-        alpha_rad=np.array([low, -low]),
-        mu=np.linspace(*request.mu, n_mu),
-    )
+    factor = factors(whisker, alpha_rad=np.array([low, -low]), mu=np.linspace(*request.mu, n_mu))
+    contrast = edge_steps(factor, preload_mm=preload_mm, depth_mm=request.depth_mm)
     tip = _tip(whisker)
     d, arm = tip.compliance_mm_per_n, tip.moment_arm_mm
     land_n = force[0]
@@ -200,7 +193,7 @@ def check(
     )
     detail_hz = request.least_speed_mm_s / (FINEST_WAVELENGTH_LINES * request.line_pitch_mm)
     room = limits.clearance_depths * request.depth_mm
-    table: dict[Bound, tuple[Values | float, float, bool]] = {
+    table: dict[Bound, tuple[Floats | float, float, bool]] = {
         Bound.JAMMING: (share[1:], limits.lift_share, False),
         Bound.STRESS: (np.fmin(stress, _MOST), whisker.material.yield_mpa / limits.safety, True),
         Bound.FORCE: (np.fmin(force, _MOST), limits.force_n, True),

@@ -25,6 +25,7 @@ from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     check,
     edge_steps,
+    factors,
     first_frequency_hz,
     normal_forces_n,
 )
@@ -120,9 +121,8 @@ def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tupl
     """Find the edge with the least contrast on a fine grid, and the range of F. Raises DesignError."""
     slopes = np.linspace(*request.alpha_rad, _FINE)
     alpha, mu = np.concatenate([slopes, -slopes]), np.linspace(*request.mu, _FINE)
-    steps, factor = edge_steps(
-        whisker, preload_mm=preload_mm, depth_mm=request.depth_mm, alpha_rad=alpha, mu=mu
-    )
+    factor = factors(whisker, alpha_rad=alpha, mu=mu)
+    steps = edge_steps(factor, preload_mm=preload_mm, depth_mm=request.depth_mm)
     if not np.isfinite(factor).all():
         raise DesignError("the whisker jams on a wall of the range", hint="take a smaller k or setting angle")
     lip, i, j = np.unravel_index(int(np.argmin(steps)), steps.shape)
@@ -243,8 +243,7 @@ def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
     ]
     if isinstance(section, Rectangle):
         ranges.append((Bound.ASPECT, section.width_mm / section.thickness_mm, limits.aspect))
-    both = [
-        (Constraint(bound, value, low, False), Constraint(bound, value, high, True))
+    return tuple(
+        min(Constraint(bound, value, low, False), Constraint(bound, value, high, True), key=lambda c: c.slack)
         for bound, value, (low, high) in ranges
-    ]
-    return tuple(min(pair, key=lambda c: c.slack) for pair in both)
+    )

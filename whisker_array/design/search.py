@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 
 from glyphs.surface.display import OneLine
-from whisker_array.design.checks import FINEST_WAVELENGTH_LINES, Checked, Values, check, first_frequency_hz
+from whisker_array.arrays import Floats
+from whisker_array.design.checks import FINEST_WAVELENGTH_LINES, Checked, check, first_frequency_hz
 from whisker_array.design.limits import Bound, Limits, Request
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
@@ -33,7 +34,7 @@ _POLISHES = 4
 _GAIN = 2e-5
 _WAIT = 6
 
-Objective = Callable[[LShaped, float], Values]
+Objective = Callable[[LShaped, float], Floats]
 """Function of whisker and preload whose smallest entry is maximised."""
 
 
@@ -58,7 +59,7 @@ class Problem(OneLine):
     objective: Objective | None = None
     axis_lean_rad: float | None = None
 
-    def box(self) -> Values:
+    def box(self) -> Floats:
         """(7, 2) bounds of the variables."""
         lim = self.limits
         aspect = lim.aspect if self.section == "ribbon" else (1.0, 1.0)
@@ -68,7 +69,7 @@ class Problem(OneLine):
         l1, k, t, a, d0 = ([math.log(v) for v in pair] for pair in logs)
         return np.asarray([l1, k, list(lim.beta_rad), [0.0, top], t, a, d0], dtype=np.float64)
 
-    def decode(self, x: Values) -> tuple[LShaped, float]:
+    def decode(self, x: Floats) -> tuple[LShaped, float]:
         l1, k, t, aspect, d0 = (math.exp(x[i]) for i in (0, 1, 4, 5, 6))
         beta = float(x[2])
         axis = float(x[3]) * l1
@@ -78,7 +79,7 @@ class Problem(OneLine):
         section = Rectangle(t, t * aspect) if self.section == "ribbon" else Round(t)
         return LShaped(l1, l1 * k, l3, beta, section, self.request.material), d0
 
-    def encode(self, candidate: Candidate) -> Values:
+    def encode(self, candidate: Candidate) -> Floats:
         w = candidate.whisker
         t, width = sides_mm(w)
         axis = (w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm) / w.l1_mm
@@ -87,7 +88,7 @@ class Problem(OneLine):
         box = self.box()
         return np.asarray(np.clip(x, box[:, 0], box[:, 1]))
 
-    def evaluate(self, whisker: LShaped, preload_mm: float) -> tuple[Values, Checked]:
+    def evaluate(self, whisker: LShaped, preload_mm: float) -> tuple[Floats, Checked]:
         checked = check(
             whisker, self.request, self.limits, preload_mm=preload_mm, error_scale=self.error_scale
         )
@@ -120,11 +121,11 @@ def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
 
 
 class _Patience:
-    def __init__(self, slack: Callable[[Values], Values]) -> None:
+    def __init__(self, slack: Callable[[Floats], Floats]) -> None:
         self.slack, self.top, self.waited = slack, -math.inf, 0
-        self.best: Values | None = None
+        self.best: Floats | None = None
 
-    def __call__(self, y: Values) -> None:
+    def __call__(self, y: Floats) -> None:
         if float(self.slack(y).min()) < _LEAST_RESERVE - LIMIT_MARGIN:
             return
         self.waited += 1
@@ -134,20 +135,20 @@ class _Patience:
             raise StopIteration
 
 
-def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Candidate:
+def climb(problem: Problem, start: Floats, *, only_reserve: bool = False) -> Candidate:
     """Run SLSQP from one start; `only_reserve`: maximise the distance from the limits instead of the objective."""
     from scipy.optimize import minimize
 
     box = problem.box()
 
     @cache
-    def values_at(x: bytes) -> tuple[Values, int]:
+    def values_at(x: bytes) -> tuple[Floats, int]:
         worth, checked = problem.evaluate(*problem.decode(np.frombuffer(x)))
         reserve = np.concatenate(list(checked.reserve().values())) - LIMIT_MARGIN
         return (reserve, reserve.size) if only_reserve else (np.concatenate([worth, reserve]), worth.size)
 
     @cache
-    def slopes(key: bytes) -> Values:
+    def slopes(key: bytes) -> Floats:
         (base, _), x = values_at(key), np.frombuffer(key)
         out = np.zeros((base.size, x.size))
         for i in np.flatnonzero(box[:, 1] > box[:, 0]):
@@ -160,10 +161,10 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
     first, n_worth = values_at(start.tobytes())
     share = np.where(np.arange(first.size) < n_worth, 1.0, 0.0)
 
-    def inside(y: Values) -> Values:
+    def inside(y: Floats) -> Floats:
         return np.clip(y[:-1], box[:, 0], box[:, 1])
 
-    def slack(y: Values) -> Values:
+    def slack(y: Floats) -> Floats:
         return np.asarray(values_at(inside(y).tobytes())[0] - share * y[-1])
 
     patience = _Patience(slack)
@@ -187,7 +188,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
     return problem.rate(*problem.decode(inside(patience.best)))
 
 
-def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Values]:
+def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Floats]:
     """Starting points: random shape and preload, and a size that is about fast and stiff enough."""
     box, request, limits = problem.box(), problem.request, problem.limits
     ribbon = problem.section == "ribbon"
@@ -230,7 +231,7 @@ def _is_feasible(candidate: Candidate) -> bool:
     return candidate.reserve >= _LEAST_RESERVE and math.isfinite(candidate.worth)
 
 
-def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
+def best(problem: Problem, beginnings: Iterable[Floats]) -> Candidate | None:
     """Find the best candidate that meets all constraints, from several starts; None if no candidate does."""
     first = list(beginnings)
     feasible = [c for start in first if _is_feasible(c := climb(problem, start))]
@@ -244,7 +245,7 @@ def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
     return None if top is None else polish(problem, top)
 
 
-def conflict(problem: Problem, beginnings: Sequence[Values]) -> tuple[Candidate, tuple[Bound, ...]]:
+def conflict(problem: Problem, beginnings: Sequence[Floats]) -> tuple[Candidate, tuple[Bound, ...]]:
     """Find the point that violates the constraints least, and the constraints that cannot be met together there."""
     nearest = max((climb(problem, x, only_reserve=True) for x in beginnings), key=lambda c: c.reserve)
     _, checked = problem.evaluate(nearest.whisker, nearest.preload_mm)

@@ -24,7 +24,8 @@ from typing import Literal
 import numpy as np
 
 from glyphs.surface.display import OneLine
-from whisker_array.design.checks import Values, edge_steps
+from whisker_array.arrays import Floats
+from whisker_array.design.checks import factors
 from whisker_array.design.design import SEED, Design, describe_design, search
 from whisker_array.design.limits import DesignError, Limits, Request
 from whisker_array.design.search import Problem, SectionKind
@@ -61,14 +62,8 @@ class Tuned(OneLine):
     selectivity: float
     table_deg: tuple[int, ...]
     table_mu: tuple[float, float, float]
-    table: Values
+    table: Floats
     place_rad: tuple[float, float, float]
-
-
-def factors(whisker: LShaped, *, alpha_rad: Values, mu: Values) -> Values:
-    """F by (16), (slopes, frictions); NaN where the whisker jams."""
-    _, factor = edge_steps(whisker, preload_mm=1.0, depth_mm=1.0, alpha_rad=alpha_rad, mu=mu)
-    return factor
 
 
 def middle_friction(mu: tuple[float, float]) -> float:
@@ -76,11 +71,11 @@ def middle_friction(mu: tuple[float, float]) -> float:
     return math.tan(0.5 * (math.atan(mu[0]) + math.atan(mu[1])))
 
 
-def _neighbours(kind: Kind, alpha_rad: float, steepest_rad: float) -> Values:
-    sides = [-NEIGHBOUR_RAD]
+def _with_neighbours(kind: Kind, alpha_rad: float, steepest_rad: float) -> Floats:
+    slopes = [alpha_rad, alpha_rad - NEIGHBOUR_RAD]
     if kind is Kind.NULL and alpha_rad + NEIGHBOUR_RAD <= steepest_rad + 1e-9:
-        sides.append(NEIGHBOUR_RAD)
-    return np.asarray(alpha_rad + np.array(sides))
+        slopes.append(alpha_rad + NEIGHBOUR_RAD)
+    return np.array(slopes)
 
 
 def _problem(kind: Kind, alpha_rad: float, request: Request, limits: Limits, section: SectionKind) -> Problem:
@@ -99,9 +94,9 @@ def _problem(kind: Kind, alpha_rad: float, request: Request, limits: Limits, sec
                 hint="give a steeper one, or less friction",
             )
     mu = np.linspace(*request.mu, 3)
-    slopes = np.concatenate([[alpha_rad], _neighbours(kind, alpha_rad, request.alpha_rad[1])])
+    slopes = _with_neighbours(kind, alpha_rad, request.alpha_rad[1])
 
-    def step(whisker: LShaped, _preload_mm: float) -> Values:
+    def step(whisker: LShaped, _preload_mm: float) -> Floats:
         f = factors(whisker, alpha_rad=slopes, mu=mu)
         return np.asarray(np.abs(f[1:] - f[0]))
 
@@ -168,7 +163,7 @@ def _tune_kind(
     # the force leans by alpha - atan(mu): no moment along arm_x tan + arm_y = 0, no lift along Dyx tan + Dyy = 0
     x, y = (arm[0], arm[1]) if kind is Kind.NULL else (row[0], row[1])
     lean = math.atan2(-y * math.copysign(1.0, x), abs(x))
-    slopes = np.concatenate([[alpha_rad], _neighbours(kind, alpha_rad, problem.request.alpha_rad[1])])
+    slopes = _with_neighbours(kind, alpha_rad, problem.request.alpha_rad[1])
     fine = factors(whisker, alpha_rad=slopes, mu=np.linspace(*request.mu, 33))
     return Tuned(
         kind=kind,

@@ -10,27 +10,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, TraceDirection
+from whisker_array.arrays import Floats, Mask
 from whisker_array.estimation.estimate import is_profiler
 from whisker_array.estimation.relief import relief_from_edges
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
 
-Layer = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 
 def fill_from_crossing(
-    layers: Sequence[Layer],
+    layers: Sequence[Floats],
     known: Sequence[Mask],
     directions: tuple[TraceDirection, ...],
     *,
     touch: Touch,
     pitch_mm: float,
-) -> tuple[list[Layer], list[Mask]]:
+) -> tuple[list[Floats], list[Mask]]:
     """Fill unknown samples (rows, cols) of one pair of directions from the pair that crosses it, where known."""
     layers, known, profiler = list(layers), list(known), is_profiler(touch.tip)
     layer_of = {direction: k for k, direction in enumerate(directions)}

@@ -8,9 +8,9 @@ earlier creep), gain of each whisker, drift of each line, tilt of the part. What
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.arrays import Floats
 from whisker_array.estimation.crossing import fill_from_crossing
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, land_surface, remove_drift, whisker_gain
@@ -23,7 +23,7 @@ from whisker_array.simulation.traces import SampleFlag
 UNUSABLE = np.uint8(0xFF & ~SampleFlag.SATURATED)
 
 
-def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
+def calibrated_moments(scan: Scan, sweep: Sweep) -> Floats:
     """Moments (passes, whiskers, samples), N mm, less the median of their pass's air, without gain if it is known."""
     raw, air = np.asarray(sweep.moment_n_mm), sweep.air_n_mm
     if scan.calibration is not None:
@@ -34,7 +34,7 @@ def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     return moment
 
 
-def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
+def usable_moments(scan: Scan, sweep: Sweep) -> Floats:
     """`calibrated_moments`, NaN at samples flagged as unusable."""
     moment = calibrated_moments(scan, sweep)
     moment[(sweep.flags & UNUSABLE) != 0] = np.nan

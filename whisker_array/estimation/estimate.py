@@ -16,20 +16,19 @@ The functions here compute one of these quantities from the others. Angles in ra
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from whisker_array.arrays import Floats
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 
-Array = NDArray[np.float64]
 
-
-def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
+def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Floats:
     """G of m = lift G(theta), eqs. (11) and (14), N mm per mm; NaN where the force cannot lift the tip."""
     return _per_lift(tip.moment_arm_mm, theta_rad, tip)
 
 
-def _per_lift(of_force: Array, theta_rad: ArrayLike, tip: TipModel) -> Array:
+def _per_lift(of_force: Floats, theta_rad: ArrayLike, tip: TipModel) -> Floats:
     t, row = np.tan(np.asarray(theta_rad, dtype=np.float64)), tip.compliance_mm_per_n[1]
     give = row[1] - row[0] * t
     return np.where(give > 0.0, (of_force[1] - of_force[0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
@@ -51,14 +50,14 @@ def _require_differentiator(tip: TipModel, why: str) -> None:
         raise WhiskerError(f"a profiler {why}", hint="take an L-shaped whisker with l3 = l2")
 
 
-def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
+def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Floats:
     """Lift d0 + h of the tip, mm, from a profiler's moment. Raises WhiskerError for any other whisker."""
     if not is_profiler(tip):
         raise WhiskerError("the whisker is not a profiler: its moment depends on slope and friction too")
     return np.asarray(moment_n_mm, dtype=np.float64) / float(moment_per_lift(0.0, tip))
 
 
-def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
+def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Floats:
     """theta of the contact force from a differentiator's moment where the lift is known; broadcast shapes.
 
     m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta); rad, NaN without a solution. Raises
@@ -75,7 +74,7 @@ def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) 
 
 def friction_from_shapes(
     differentiator_n_mm: ArrayLike, profiler_n_mm: ArrayLike, *, differentiator: TipModel, profiler: TipModel
-) -> Array:
+) -> Floats:
     """mu on level land from the moments of both shapes at one place: g(0, mu) = -mu in (22).
 
     The ratio changes only by 1.5 k per unit of mu (k = 0.117: 1 % of gain is 0.06 of mu), so the gains must be known
@@ -85,7 +84,7 @@ def friction_from_shapes(
     return np.tan(lean_from_moment(differentiator_n_mm, lift, differentiator))
 
 
-def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip: TipModel) -> Array:
+def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip: TipModel) -> Floats:
     """mu on level land from one differentiator dragged and pushed back: mu changes sign, the gain cancels.
 
     q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu). NaN where no friction
@@ -100,12 +99,12 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
     return _small_root(-arm[0] * row[0] * (1.0 - q), cross * (1.0 + q), arm[1] * row[1] * (1.0 - q))
 
 
-def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
+def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Floats:
     """Shift of the tip along x from its unloaded position, e_x.D11 f with e_y.D11 f = lift, mm."""
     return _per_lift(tip.compliance_mm_per_n[0], theta_rad, tip) * np.asarray(lift_mm, dtype=np.float64)
 
 
-def _small_root(a: Array, b: Array, c: Array) -> Array:
+def _small_root(a: Floats, b: Floats, c: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         disc = b * b - 4.0 * a * c
         root = -2.0 * c / (b + np.copysign(np.sqrt(disc), b))

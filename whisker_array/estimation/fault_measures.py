@@ -14,12 +14,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import AnyFloats, Mask
 from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.estimate import is_profiler
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
@@ -27,8 +28,6 @@ from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 
-Floats = NDArray[np.floating[Any]]
-Mask = NDArray[np.bool_]
 MAD = 1.4826
 """Factor from a median absolute deviation to a standard deviation."""
 
@@ -38,12 +37,12 @@ class SweepShares(OneLine):
     """The dragged passes (passes, whiskers, samples) of one direction as shares of the land's moment, or NaN."""
 
     plan: SweepPlan
-    share: Floats
-    air: Floats
+    share: AnyFloats
+    air: AnyFloats
     across: NDArray[np.intp]
 
     @cached_property
-    def lines(self) -> tuple[Floats, NDArray[np.intp], Floats]:
+    def lines(self) -> tuple[AnyFloats, NDArray[np.intp], AnyFloats]:
         """Usable lines without lead-in and lead-out, in order across the plate; whisker and position of each."""
         samples, lead = self.share.shape[2], self.plan.n_lead
         order, whisker, place = self.plan.lines_in_order()
@@ -52,7 +51,7 @@ class SweepShares(OneLine):
         return traced[usable], whisker[usable], place[usable]
 
     @cached_property
-    def levels(self) -> Floats:
+    def levels(self) -> AnyFloats:
         """(passes, whiskers) median of each line; NaN if unknown."""
         return quantile_of_known(self.share)
 
@@ -97,7 +96,7 @@ def at_ends(mask: Mask) -> Mask:
     return np.asarray(np.logical_and.accumulate(mask, axis=-1) | ends)
 
 
-def _touches(air: Floats, level: Floats, *, least: float = 0.2) -> Mask:
+def _touches(air: AnyFloats, level: AnyFloats, *, least: float = 0.2) -> Mask:
     """(passes, samples) lifted samples at which the whiskers touch; level (whiskers,)."""
     reached = np.einsum("pws,w->ps", np.nan_to_num(air), level)
     return np.asarray(reached > least * max(float(level @ level), 1e-30))
@@ -120,7 +119,7 @@ def saturated(
     ends = [(v == low) | (v == high) for v in values]
     clipped = [r & e for r, e in zip(runs, ends, strict=True)]
 
-    def count(masks: list[Mask]) -> Floats:
+    def count(masks: list[Mask]) -> AnyFloats:
         return np.asarray(np.sum([m.sum(axis=(0, 2)) for m in masks], axis=0), dtype=np.float64)
 
     total, at_end = np.maximum(count([~b for b in bad]), 1.0), count(clipped)
@@ -130,7 +129,7 @@ def saturated(
     return [c & stuck.reshape(shape) for c in clipped]
 
 
-def _in_runs(values: Floats, run: int) -> Mask:
+def _in_runs(values: AnyFloats, run: int) -> Mask:
     n, same = max(values.shape[2] - run + 1, 0), values[..., 1:] == values[..., :-1]
     first = np.logical_and.reduce([same[..., k : k + n] for k in range(run - 1)])
     inside = np.zeros(values.shape, dtype=np.bool_)
@@ -139,7 +138,7 @@ def _in_runs(values: Floats, run: int) -> Mask:
     return inside
 
 
-def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:
+def quantile_of_known(values: AnyFloats, q: float = 0.5, *, fewest: int = 1) -> AnyFloats:
     """Quantile of the known values along the last axis, like `np.nanquantile`, which is much slower for many rows."""
     if not values.shape[-1]:
         return np.full(values.shape[:-1], np.nan)
@@ -152,25 +151,25 @@ def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Flo
     return np.where(known >= fewest, low + (q * last - below) * (high - low), np.nan)
 
 
-def by_whisker(stacks: Sequence[Floats]) -> list[Floats]:
+def by_whisker(stacks: Sequence[AnyFloats]) -> list[AnyFloats]:
     """All values of each whisker from stacks (passes, whiskers, samples)."""
     return [np.concatenate([stack[:, w].ravel() for stack in stacks]) for w in range(stacks[0].shape[1])]
 
 
-def levels(shares: list[SweepShares], *, fewest: int = 200) -> Floats:
+def levels(shares: list[SweepShares], *, fewest: int = 200) -> AnyFloats:
     """(whiskers,) median of all samples of a whisker; NaN with too few samples on the part."""
     return np.array([quantile_of_known(v, fewest=fewest) for v in by_whisker([f.share for f in shares])])
 
 
-def noises(stacks: list[Floats], *, fewest: int = 200) -> Floats:
+def noises(stacks: list[AnyFloats], *, fewest: int = 200) -> AnyFloats:
     """(whiskers,) rms innovation of samples (passes, whiskers, samples); NaN where there are too few."""
     changes = by_whisker([np.abs(np.diff(stack, n=2)) for stack in stacks])
     return np.asarray(MAD * np.array([quantile_of_known(v, fewest=fewest) for v in changes]) / np.sqrt(6.0))
 
 
-def level_steps(shares: list[SweepShares]) -> Floats:
+def level_steps(shares: list[SweepShares]) -> AnyFloats:
     """(whiskers,) rms step of the lead-in's level from a pass to its neighbour."""
-    steps: list[Floats] = []
+    steps: list[AnyFloats] = []
     for f in shares:
         n = f.plan.n_lead or f.share.shape[2] // 8
         steps.append(np.diff(quantile_of_known(f.share[:, :, :n], fewest=n // 2 + 1), axis=0))
@@ -184,7 +183,7 @@ def sharpness(
     beside: int = 2,
     least_steps: float = 0.3,
     least_depth: float = 0.02,
-) -> Floats:
+) -> AnyFloats:
     """(whiskers,) depth and steps of marks, relative to the other whiskers on the same lines; NaN if unknown.
 
     Lines on both sides of the border between two whiskers cross the same marks; a worn tip does not reach their floors
@@ -211,7 +210,7 @@ def sharpness(
     return np.where(met < 2, np.nan, ratios)
 
 
-def gains(shares: list[SweepShares]) -> Floats:
+def gains(shares: list[SweepShares]) -> AnyFloats:
     """(whiskers,) gain relative to the others on the same lines, for any form of the plate; NaN if unknown."""
     logs = np.full((len(shares), shares[0].share.shape[1]), np.nan)
     for log, f in zip(logs, shares, strict=True):
@@ -314,7 +313,7 @@ def spikes(f: SweepShares, *, least: float) -> Mask:
     return alone
 
 
-def _medians_of_five(values: Floats) -> Floats:
+def _medians_of_five(values: AnyFloats) -> AnyFloats:
     """Medians of five neighbours along the last axis, as `np.median` gives them far more slowly."""
     a, b, c, d, e = np.moveaxis(np.lib.stride_tricks.sliding_window_view(values, 5, axis=-1), -1, 0)
     low = np.maximum(np.minimum(a, b), np.minimum(c, d))

@@ -16,13 +16,13 @@ from operator import itemgetter
 import numpy as np
 
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import AnyFloats, Mask
 from whisker_array.estimation import fault_measures as measures
 from whisker_array.estimation import signal_measures as signals
 from whisker_array.estimation.estimate import moment_per_lift
-from whisker_array.estimation.fault_measures import Floats, Mask, SweepShares
+from whisker_array.estimation.fault_measures import SweepShares
 from whisker_array.scan.scan import Scan, add_flags, only
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.touch import Touch
 
 
 class FaultKind(StrEnum):
@@ -258,7 +258,7 @@ class _CheckedSignals:
     scan: Scan
     columns: list[int]
     shares: list[SweepShares]  # all sweeps, NaN where tips run beyond the part
-    level: Floats  # (whiskers,) level of the land; NaN for a whisker that has too few samples on the part
+    level: AnyFloats  # (whiskers,) level of the land; NaN for a whisker that has too few samples on the part
     wrong: Mask
     faults: tuple[Fault, ...]
     corrected: tuple[Fault, ...]  # those that leave all others to be found
@@ -355,18 +355,18 @@ def _flag_saturated(scan: Scan, limits: FaultLimits) -> tuple[Scan, tuple[Fault,
     return add_flags(scan, SampleFlag.SATURATED, by_direction), (fault,)
 
 
-def _others(values: Floats) -> Iterator[Floats]:
+def _others(values: AnyFloats) -> Iterator[AnyFloats]:
     for w in range(values.size):
         others = np.delete(values, w)
         yield others[np.isfinite(others)]
 
 
-def _above_others(values: Floats, least: float, limits: FaultLimits) -> Floats:
+def _above_others(values: AnyFloats, least: float, limits: FaultLimits) -> AnyFloats:
     usual = np.array([np.median(others) if others.size else np.inf for others in _others(values)])
     return np.where((values > least) & (values > limits.times_others * usual), values, np.nan)
 
 
-def _blunt(cutoff: Floats, limits: FaultLimits) -> Floats:
+def _blunt(cutoff: AnyFloats, limits: FaultLimits) -> AnyFloats:
     logs, worn = np.log(cutoff), np.full(cutoff.size, np.nan)
     for w, others in enumerate(_others(logs)):
         if others.size < limits.fewest_others:
@@ -380,17 +380,18 @@ def _blunt(cutoff: Floats, limits: FaultLimits) -> Floats:
 
 
 def _bench_faults(
-    scan: Scan, shares: list[SweepShares], level: Floats, limits: FaultLimits
+    scan: Scan, shares: list[SweepShares], level: AnyFloats, limits: FaultLimits
 ) -> Iterator[Fault]:
     tone = measures.strongest_tone(shares, scan.sample_rate_hz)
     if tone.amplitude > limits.tone and tone.ratio > limits.tone_ratio:
         yield _fault(FaultKind.VIBRATION, 100.0 * tone.amplitude, tone.hz)
         if tone.amplitude > limits.height_margin:
             return  # heights are lost in it
-    preload = scan.touch.preload_mm
-    low, high = _land_range(scan.touch, limits.frictions)
+    preload, mus = scan.touch.preload_mm, [scan.touch.friction, *limits.frictions]
+    nominal, *others = moment_per_lift(np.arctan(mus), scan.touch.tip)
+    land = [ratio for other in others if np.isfinite(ratio := other / nominal)] or [1.0]
     share = float(np.median(level))
-    if not low - limits.height_margin < share < high + limits.height_margin:
+    if not min(land) - limits.height_margin < share < max(land) + limits.height_margin:
         way = "high" if share < 1.0 else "low"
         yield _fault(FaultKind.HEIGHT, 100.0 * share, abs(share - 1.0) * preload, way)
     kinds = (FaultKind.TILTED, limits.rise), (FaultKind.BOWED, limits.sag)
@@ -398,13 +399,6 @@ def _bench_faults(
         mm, axis = max(zip(map(abs, both), "xy", strict=True), key=itemgetter(0))
         if mm > limit * preload:
             yield _fault(kind, mm, axis, preload)
-
-
-def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, float]:
-    nominal = float(moment_per_lift(np.arctan(touch.friction), touch.tip))
-    ends = [float(moment_per_lift(np.arctan(mu), touch.tip)) / nominal for mu in frictions]
-    ends = [v for v in ends if np.isfinite(v)] or [1.0]
-    return min(ends), max(ends)
 
 
 def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import MapError
+from whisker_array.arrays import Floats
 from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.estimate import friction_from_shapes, friction_from_two_ways, is_profiler
 from whisker_array.estimation.land import land_coefficients, land_surface
@@ -58,8 +59,8 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _LandLines:
-    moment: NDArray[np.float64]
-    place_mm: NDArray[np.float64]
+    moment: Floats
+    place_mm: Floats
     whisker: NDArray[np.int64]
 
     def meets(self, other: _LandLines) -> bool:
@@ -86,7 +87,7 @@ def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _
 
 def _mean_friction(
     pairs: Iterable[tuple[_LandLines, _LandLines]],
-    solve: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+    solve: Callable[[Floats, Floats], Floats],
     route: FrictionRoute,
     *,
     fewest: int = 16,
@@ -117,7 +118,7 @@ def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
     if not all(a.meets(b) for a, b in pairs):
         raise MapError("the rows of the array do not run on the same lines")
 
-    def solve(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(a: Floats, b: Floats) -> Floats:
         # moments per mm of preload, because both need the same lift
         a, b = a / first.preload_mm, b / other.preload_mm
         return friction_from_shapes(a, b, differentiator=first.tip, profiler=other.tip)

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError, TraceDirection
-
-Lines = NDArray[np.float64]
+from whisker_array.arrays import Floats, Mask
 
 
 def averaging_weights(
@@ -53,9 +52,7 @@ def averaging_weights(
     return sparse.csr_array((weight, order[near], first), shape=(pixel.size, position.size))
 
 
-def average_onto(
-    values: NDArray[np.float64], along: Any, across: Any
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def average_onto(values: Floats, along: Any, across: Any) -> tuple[Floats, Mask]:
     """Average (lines, samples) onto (pixels across, pixels along); pixels of half the weight or less are invalid, 0."""
     known = np.isfinite(values)
     total = across @ (along @ np.where(known, values, 0.0).T).T
@@ -69,9 +66,9 @@ def average_onto(
 class SweptLines(OneLine):
     """One value (lines, samples) for every sample of the lines of a sweep, NaN where unknown."""
 
-    values: Lines
-    place_mm: Lines
-    along_mm: Lines
+    values: Floats
+    place_mm: Floats
+    along_mm: Floats
     direction: TraceDirection
 
 
@@ -79,8 +76,8 @@ class SweptLines(OneLine):
 class PlateGrid(OneLine):
     """Pixel grid of a map: x (cols,) and y (rows,)."""
 
-    x_mm: Lines
-    y_mm: Lines
+    x_mm: Floats
+    y_mm: Floats
     pitch_mm: float
 
     @property
@@ -115,7 +112,7 @@ def on_grid(
     grid: PlateGrid,
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
-) -> tuple[list[Lines], list[NDArray[np.bool_]]]:
+) -> tuple[list[Floats], list[Mask]]:
     """Return a (rows, cols) map of each sweep and its mask of valid pixels, moved by each direction's `shift`, mm."""
     layers, known = [], []
     for each in swept:

@@ -8,16 +8,17 @@ is fitted robustly to all lines of a sweep, and each line's drift is estimated r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
+from whisker_array.arrays import AnyFloats, Floats
 from whisker_array.estimation.land_fit import fit_quadratic, quadratic, robust_lines
 
 
-def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.float64]:
+def shorth(values: Floats, *, share: float = 0.35) -> Floats:
     """Centre of the shortest interval that holds a share of each row's samples, (rows,); NaN are left out.
 
     A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side. Of
@@ -33,12 +34,12 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
     return middle
 
 
-def land_surface(coefficients: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+def land_surface(coefficients: Floats, shape: tuple[int, ...]) -> Floats:
     """Moment of the land, (lines, samples), from its coefficients."""
     return quadratic(coefficients, np.linspace(-1.0, 1.0, shape[1]), np.linspace(-1.0, 1.0, shape[0]))
 
 
-def land_coefficients(moment: NDArray[np.float64], *, cut: float = 0.05) -> NDArray[np.float64]:
+def land_coefficients(moment: Floats, *, cut: float = 0.05) -> Floats:
     """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
     The fit starts flat at the most common level, or tilted by the levels of lines and columns, so that a tilt of many
@@ -55,18 +56,13 @@ def land_coefficients(moment: NDArray[np.float64], *, cut: float = 0.05) -> NDAr
     u, v = np.linspace(-1.0, 1.0, samples)[::step_s], np.linspace(-1.0, 1.0, lines)[::step_l]
     thin = moment[::step_l, ::step_s]
     cuts = np.array([0.2, 0.1, 0.07, cut, cut]) * abs(level)
-    best, most = np.zeros(6), -1.0
     # keep the start that explains more samples
-    for start in (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level)):
-        quadratic_fit, explained = fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts)
-        if explained > most + 1e-9:
-            best, most = quadratic_fit, explained
-    return best
+    starts = (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level))
+    fits = (fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts) for start in starts)
+    return max(fits, key=itemgetter(1))[0]
 
 
-def _tilted_start(
-    thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float
-) -> NDArray[np.float64]:
+def _tilted_start(thin: Floats, u: Floats, v: Floats, level: float) -> Floats:
     coefficients = np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
     for linear, axis, levels in ((1, u, shorth(thin.T)), (2, v, shorth(thin))):
         known = np.isfinite(levels)
@@ -79,7 +75,7 @@ def _tilted_start(
     return coefficients
 
 
-def whisker_gain(lines: NDArray[np.floating[Any]], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
+def whisker_gain(lines: AnyFloats, whisker: NDArray[np.int64]) -> Floats:
     """Relative gain of each line's whisker, (lines,), from neighbouring lines of different whiskers.
 
     Two whiskers that meet at a border trace nearly the same surface there, mark or land, so the median ratio of their
@@ -107,12 +103,10 @@ def whisker_gain(lines: NDArray[np.floating[Any]], whisker: NDArray[np.int64]) -
         ]
         slope = sum(float(middle[j]) for j in beside) / max(len(beside), 1)
         steps.append((int(index[i]), int(index[i + 1]), float(middle[i] - slope)))
-    solution = reconcile_steps(steps, names.size)
-    gain: NDArray[np.float64] = np.exp(solution[index])
-    return gain
+    return np.asarray(np.exp(reconcile_steps(steps, names.size)[index]))
 
 
-def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[np.float64]:
+def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> Floats:
     """(n,) values of mean 0 that differ by given steps (from, to, step), in the least-squares sense."""
     rows, target = np.zeros((1 + len(steps), n)), np.zeros(1 + len(steps))
     rows[0] = 1.0 / n
@@ -124,13 +118,13 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[
 
 
 def remove_drift(
-    ratio: NDArray[np.float64],
+    ratio: Floats,
     *,
     cut: float = 0.05,
     least: float = 0.15,
     neighbours: int = 9,
     most: float = 0.03,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Divide each line, in place, by the drift of its land relative to its neighbours: a robust line along the trace.
 
     The surface is similar from line to line; a sensor's drift is not. So only the deviation from the median of the

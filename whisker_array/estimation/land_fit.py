@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.compiled import ANY_ORDER, kernel, read_only
-
-Floats = NDArray[np.float64]
+from whisker_array.arrays import Floats
 
 
 @kernel(allow=ANY_ORDER)

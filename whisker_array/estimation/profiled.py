@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.arrays import Floats
 from whisker_array.estimation.edges import edge_map, land_ratio, play_between
 from whisker_array.estimation.estimate import is_profiler, lean_from_moment, moment_per_lift, tip_shift_mm
 from whisker_array.estimation.friction import USABLE_SD, LandFriction, land_friction
@@ -37,8 +38,6 @@ from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.simulation.regrid import mean_of_known
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import Touch
-
-Lines = NDArray[np.float64]
 
 ROUNDS = 4
 """Iterations between tip positions and leans; each changes them at most a tenth as much as the previous one."""
@@ -113,12 +112,12 @@ def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandF
     )
 
 
-def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
+def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Floats:
     (layer,), (good,) = on_grid([swept], grid, shift=shift)
     return np.where(good, layer, np.nan)
 
 
-def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> tuple[Lines, Lines]:
+def _solve(views: Sequence[_View], leans: Sequence[Floats], phi_land: float) -> tuple[Floats, Floats]:
     s = np.array([view.base_ahead for view in views])[:, None, None]
     e = np.array([view.friction_sign for view in views])[:, None, None]
     known = np.isfinite(leans)
@@ -140,13 +139,13 @@ def _has_jammed(sweep: Sweep, *, most: float = 0.05) -> bool:
 
 def _without_snags(
     view: _View,
-    lean: Lines,
-    tau: Lines,
+    lean: Floats,
+    tau: Floats,
     phi_land: float,
     touches: tuple[Touch, Touch],
     *,
     least_give: float = 0.5,
-) -> Lines:
+) -> Floats:
     if view.friction_sign > 0.0:
         return lean
     t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))
@@ -193,14 +192,14 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     )
 
 
-def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
+def _tip_shift(lean: Floats, lift: Floats, touch: Touch, friction_sign: float) -> Floats:
     tip = touch.tip if friction_sign > 0.0 else touch.tip.pushed()
     lag = friction_sign * land_lag_mm(tip, preload_mm=touch.preload_mm, friction=touch.friction)
     shift = tip_shift_mm(lean, lift, touch.tip) - lag
     return np.where(np.isfinite(shift), shift, 0.0)
 
 
-def _resample(values: Lines, known_at: Lines, wanted: Lines) -> Lines:
+def _resample(values: Floats, known_at: Floats, wanted: Floats) -> Floats:
     if known_at is wanted:
         return values
     out = np.empty(values.shape)

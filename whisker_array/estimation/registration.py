@@ -15,10 +15,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.compiled import ANY_ORDER, kernel, read_only
 from glyphs.surface.maps import OPPOSITE_DIRECTIONS, TraceDirection
+from whisker_array.arrays import Floats
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
 
@@ -31,11 +31,9 @@ MOST_LINES = 12
 STEEPEST = 1.7
 """Slopes are clipped here, at 60 degrees, the steepest of a die; beyond is sampling noise."""
 
-Layer = NDArray[np.float64]
-
 
 def registration_mm(
-    layers: list[Layer], directions: tuple[TraceDirection, ...], *, touch: Touch, pitch_mm: float
+    layers: list[Floats], directions: tuple[TraceDirection, ...], *, touch: Touch, pitch_mm: float
 ) -> dict[TraceDirection, tuple[float, float]]:
     """Plate shift (dx, dy) of each direction that aligns its map with the common one; empty without play.
 
@@ -44,7 +42,7 @@ def registration_mm(
     """
     by_direction = dict(zip(directions, layers, strict=True))
     shift: dict[TraceDirection, tuple[float, float]] = {}
-    profiles: list[Layer] = []
+    profiles: list[Floats] = []
     for forward, back in OPPOSITE_DIRECTIONS:
         if forward not in by_direction or back not in by_direction:
             continue
@@ -66,7 +64,7 @@ def registration_mm(
     return shift
 
 
-def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
+def play_pixels(ahead: Floats, behind: Floats, *, touch: Touch, pitch_mm: float) -> float:
     """Find the play, pixels, that agrees best with eq. (16), positive if the forward map must move on; 0 if unclear."""
     mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
     moment_ratio(0.0, mu, touch.tip)  # raises an error if the whisker jams on the land
@@ -135,13 +133,13 @@ def add_costs(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land
             cost[k] += missed
 
 
-def _shift_rows(layer: Layer, pixels: float) -> Layer:
+def _shift_rows(layer: Floats, pixels: float) -> Floats:
     from scipy import ndimage
 
     return np.asarray(ndimage.shift(layer, (0.0, pixels), order=1, mode="nearest"))
 
 
-def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
+def _offset_pixels(reference: Floats, moved: Floats) -> tuple[float, float]:
     from glyphs.opencv import cv2
 
     reach = LIMIT_PIXELS + 1

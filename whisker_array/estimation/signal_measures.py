@@ -18,10 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from whisker_array.arrays import AnyFloats, Mask
 from whisker_array.estimation.fault_measures import (
     MAD,
-    Floats,
-    Mask,
     SweepShares,
     at_ends,
     by_whisker,
@@ -34,13 +33,13 @@ from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 
 
-def _noise(shares: Sequence[SweepShares]) -> Floats:
+def _noise(shares: Sequence[SweepShares]) -> AnyFloats:
     air = noises([f.air for f in shares])
     known = np.isfinite(air)
     return air if known.all() else np.where(known, air, noises([f.share for f in shares]))
 
 
-def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[Floats, float]:
+def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[AnyFloats, float]:
     lines = np.concatenate([f.levels for f in shares])
     moment = np.fmax.reduce(np.abs(lines), axis=0)
     usual = moment[moment > 20.0 * _noise(shares)]
@@ -99,14 +98,14 @@ def without(shares: Sequence[SweepShares], masks: Sequence[Mask]) -> list[SweepS
     ]
 
 
-def above_noise(shares: Sequence[SweepShares], level: Floats, *, times: float = 5.0) -> Mask:
+def above_noise(shares: Sequence[SweepShares], level: AnyFloats, *, times: float = 5.0) -> Mask:
     """(whiskers,) whether a signal changes by more than its noise when the array is lowered."""
     return np.abs(level) > times * _noise(shares)
 
 
 def is_clear(
     shares: Sequence[SweepShares],
-    level: Floats,
+    level: AnyFloats,
     *,
     least: float,
     lost: float = 0.2,
@@ -198,7 +197,7 @@ def without_value(scan: Scan) -> Mask:
     return np.asarray(missing & np.logical_or.reduce(lost))
 
 
-def converter_steps(scan: Scan, *, fewest: int = 3, most: int = 100, thin: int = 7) -> Floats:
+def converter_steps(scan: Scan, *, fewest: int = 3, most: int = 100, thin: int = 7) -> AnyFloats:
     """(whiskers,) step of the converter, share of the land's moment; 0 where a signal takes many values."""
     steps = np.zeros(scan.n_whiskers)
     for w in range(scan.n_whiskers):
@@ -245,11 +244,11 @@ class _Borders(NamedTuple):
     along_x: Mask
     whisker: NDArray[np.intp]
     beside: NDArray[np.intp]
-    difference: Floats
-    difference_backward: Floats
+    difference: AnyFloats
+    difference_backward: AnyFloats
 
     @property
-    def now(self) -> Floats:
+    def now(self) -> AnyFloats:
         return self.difference[np.arange(self.whisker.size), self.whisker, self.beside]
 
     @property
@@ -320,7 +319,7 @@ def best_order(
     return min(simple, key=lambda c: len(c.moved) + 2 * sum(c.backward))
 
 
-def _borders(f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: float, cut: float) -> _Borders:
+def _borders(f: SweepShares, beyond: Mask, level: AnyFloats, *, line_pitch_mm: float, cut: float) -> _Borders:
     order, whisker, place = f.plan.lines_in_order()
     row = order // level.size
     near = np.diff(place) < 2.0 * line_pitch_mm
@@ -340,7 +339,7 @@ def _borders(f: SweepShares, beyond: Mask, level: Floats, *, line_pitch_mm: floa
     )
 
 
-def _mean_squares(lines: Floats, others: Floats, *, fewest: int = 20) -> Floats:
+def _mean_squares(lines: AnyFloats, others: AnyFloats, *, fewest: int = 20) -> AnyFloats:
     known, known_others = (np.isfinite(values).astype(np.float64) for values in (lines, others))
     lines, others = (np.nan_to_num(values) for values in (lines, others))
     both = known @ known_others.T
@@ -350,7 +349,7 @@ def _mean_squares(lines: Floats, others: Floats, *, fewest: int = 20) -> Floats:
 
 def _misfits(
     borders: _Borders, orders: NDArray[np.intp], backward: tuple[bool, bool], quiet: Mask
-) -> tuple[Floats, Floats, NDArray[np.intp]]:
+) -> tuple[AnyFloats, AnyFloats, NDArray[np.intp]]:
     each, now = np.arange(borders.whisker.size), borders.now
     turned = np.where(borders.along_x, *backward)
     whisker, beside = orders[:, borders.whisker], orders[:, borders.beside]

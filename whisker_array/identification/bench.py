@@ -12,10 +12,10 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
@@ -60,7 +60,7 @@ class Bench(OneLine):
     """A whisker and its bench: the value of every `Unknown`, and the gain, raw signal per moment, of each whisker."""
 
     values: Mapping[Unknown, float]
-    gain: NDArray[np.float64]
+    gain: Floats
 
     def __post_init__(self) -> None:
         missing = [name for name in Unknown if name not in self.values]
@@ -75,15 +75,15 @@ class Bench(OneLine):
     def with_values(self, **changed: float) -> Bench:
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
-    def vector(self) -> NDArray[np.float64]:
+    def vector(self) -> Floats:
         """All numbers in the order of `Unknown`, then the gains."""
         return np.array([*self.values.values(), *self.gain])
 
     @classmethod
-    def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
+    def of_vector(cls, numbers: Floats) -> Bench:
         return cls(dict(zip(Unknown, map(float, numbers), strict=False)), numbers[len(Unknown) :])
 
-    def moved(self, step: NDArray[np.float64]) -> Bench:
+    def moved(self, step: Floats) -> Bench:
         """Return the bench with a step (n,) added to its numbers, in the order of `vector`.
 
         Stiffness and gains change as factors, so that opposite changes cancel exactly in their product. Radius and
@@ -143,9 +143,7 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
     return Bench(values, np.ones(n_whiskers))
 
 
-def first_order_sd(
-    moved: Callable[[int, float], float], steps: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> float:
+def first_order_sd(moved: Callable[[int, float], float], steps: Floats, covariance: Floats) -> float:
     """Standard deviation sqrt(g^T C g), with central differences g; a number with a step of 0 counts as exact."""
     slope = np.array(
         [(moved(i, s) - moved(i, -s)) / (2.0 * s) if s > 0.0 else 0.0 for i, s in enumerate(steps.tolist())]
@@ -153,9 +151,7 @@ def first_order_sd(
     return float(np.sqrt(slope @ covariance @ slope))
 
 
-def prior_sd(
-    nominal: Bench, *, gain_sd: float = LOOSE_GAIN, tip_sd: float = GROUND_TIP
-) -> NDArray[np.float64]:
+def prior_sd(nominal: Bench, *, gain_sd: float = LOOSE_GAIN, tip_sd: float = GROUND_TIP) -> Floats:
     """Prior standard deviation of every number, in the order of `Bench.vector`.
 
     They assume lengths measured by a caliper (0.1 mm), an angle set by a jig (1.5 degrees), wire as sold (5 % of

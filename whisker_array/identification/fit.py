@@ -25,11 +25,11 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.identification.bench import (
     BENCH_GAIN,
     DRAWN,
@@ -47,8 +47,6 @@ from whisker_array.identification.traces import Trace, mask_jams, sample_sigma_n
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
+from whisker_array.arrays import Floats
 from whisker_array.identification.bench import Bench, Unknown
 from whisker_array.identification.piece_map import Heights, PieceMap
 from whisker_array.identification.traces import JAM_LANDS, Trace, mask_jams
@@ -42,11 +42,11 @@ class Forward:
         self._nominal, self._setup = nominal, setup_friction
         self._piece = PieceMap(heights, traces, about=about, grid_mm=grid_mm)
 
-    def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
+    def moments(self, bench: Bench) -> list[Floats]:
         """Predict gain times moment (samples,) of every trace, N mm, up to a jam. Raises WhiskerError."""
         touch = replace(bench.touch(self._nominal), friction=self._setup)
         surface = self._piece.surface(touch.tip_radius_mm)
-        predicted: list[NDArray[np.float64]] = []
+        predicted: list[Floats] = []
         for _, sweep in groupby(self.traces, key=lambda trace: id(trace.plan)):
             lines = tuple(sweep)
             plan = lines[0].plan

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.identification.bench import DRAWN, Unknown
 from whisker_array.identification.fit import Identified
 from whisker_array.whisker.sections import WhiskerError
@@ -22,7 +22,7 @@ class Knowledge(OneLine):
     """Covariance (n, n) of those numbers of a whisker that are uncertain; the stiffness is relative to its own."""
 
     names: tuple[Unknown, ...]
-    covariance: NDArray[np.float64]
+    covariance: Floats
 
     def __post_init__(self) -> None:
         n = len(self.names)
@@ -36,7 +36,7 @@ class Knowledge(OneLine):
             raise WhiskerError("covariance has a negative variance", hint="give a covariance of the numbers")
 
     @property
-    def sd(self) -> NDArray[np.float64]:
+    def sd(self) -> Floats:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 

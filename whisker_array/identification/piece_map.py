@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.arrays import Floats
 from whisker_array.identification.bench import Bench, Unknown
 from whisker_array.identification.traces import Trace
 from whisker_array.simulation.contact import SurfacePose
@@ -23,7 +24,7 @@ from whisker_array.simulation.surface import TouchSurface, dilated_fields
 from whisker_array.simulation.threads import in_threads
 from whisker_array.whisker.sections import WhiskerError
 
-Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Heights = Callable[[Floats, Floats], Floats]
 """Height above the land, mm, at positions on the piece, x and y in mm."""
 MARGIN_MM = 1.0
 """Margin of a map around its lines, for shifts of the piece and slips of the tip."""
@@ -40,7 +41,7 @@ def heights_of(surface: HeightMap) -> Heights:
         raise MapError("the piece's map has places that were not measured", hint="fill them, or cut them off")
     rows, cols = surface.shape
 
-    def at(x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(x_mm: Floats, y_mm: Floats) -> Floats:
         from scipy.ndimage import map_coordinates
 
         places = np.broadcast_arrays(
@@ -119,12 +120,12 @@ class PieceMap:
         )
 
 
-def _turn(by_rad: float) -> NDArray[np.float64]:
+def _turn(by_rad: float) -> Floats:
     c, s = math.cos(by_rad), math.sin(by_rad)
     return np.array([[c, s], [-s, c]])
 
 
-def _shift_mm(bench: Bench) -> NDArray[np.float64]:
+def _shift_mm(bench: Bench) -> Floats:
     return np.array([bench[Unknown.SHIFT_X], bench[Unknown.SHIFT_Y]])
 
 

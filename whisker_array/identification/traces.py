@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import median_abs_deviation
 
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
+from whisker_array.arrays import Floats
 from whisker_array.estimation.edges import usable_moments
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.passes import SweepPlan
@@ -30,7 +30,7 @@ class Trace(OneLine):
     cluster: int
     whisker: int
     line_mm: float
-    measured_n_mm: NDArray[np.float64]
+    measured_n_mm: Floats
 
 
 def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
@@ -70,7 +70,7 @@ def _walls_n_mm(trace: Trace) -> float:
     return float(np.nanstd(np.diff(trace.measured_n_mm)))
 
 
-def mask_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
+def mask_jams(moment_n_mm: Floats, *, share: float = 1.0) -> Floats:
     """Set the moments of a line to NaN at and beside samples above `share` of JAM_LANDS."""
     land = np.nanmedian(moment_n_mm)
     near = np.abs(moment_n_mm) > share * JAM_LANDS * np.abs(land)
@@ -80,7 +80,7 @@ def mask_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArra
     return np.where(wide, np.nan, moment_n_mm)
 
 
-def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float) -> NDArray[np.float64]:
+def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float) -> Floats:
     """(samples,) uncertainty of each sample: its scatter and the effect of an error of position; inf where not used."""
     step = np.abs(np.diff(np.nan_to_num(trace.measured_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
     steepest = np.fmax(step[1:], step[:-1]) / trace.plan.step_mm

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from whisker_array.arrays import Mask
 from whisker_array.scan.sensor import Gauges, SensorError, check_signal
 
 MIN_LEAD_IN_SAMPLES = 16
@@ -99,6 +100,6 @@ def calibrate_lead_in(
     return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
 
 
-def _list_whiskers(mask: NDArray[np.bool_]) -> str:
+def _list_whiskers(mask: Mask) -> str:
     numbers = np.flatnonzero(mask)
     return ", ".join(str(i) for i in numbers[:8]) + (", ..." if numbers.size > 8 else "")

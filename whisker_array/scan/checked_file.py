@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import FileError, MarksError
+from whisker_array.arrays import Floats
 
 SEE_LAYOUT = "see docs/pages/reference/recordings.md for the layout"
 MAX_SAMPLES = 200_000_000
@@ -73,7 +74,7 @@ class CheckedFile:
 
     def numbers(
         self, name: str, shape: Shape, *, most: int = MAX_SAMPLES, default: float | None = None
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Read a dataset as finite numbers; a missing one is filled with the default, if there is one."""
         if default is not None and name not in self.file:
             return np.full([n or 0 for n in shape], default, dtype=np.float64)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.scan.calibration import Calibration, calibrate_lead_in
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import SensorError
@@ -20,7 +21,7 @@ class LeadIn(OneLine):
     calibration: Calibration
     air_samples: NDArray[np.int64]
     land_samples: NDArray[np.int64]
-    residual_n_mm: NDArray[np.float64]
+    residual_n_mm: Floats
 
 
 def calibrate_scan(scan: Scan) -> LeadIn:
@@ -59,7 +60,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
     return LeadIn(calibration, n_air, n_land, residual)
 
 
-def _samples(scan: Scan, whisker: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _samples(scan: Scan, whisker: int) -> tuple[Floats, Floats]:
     air, land = [], []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):  # when pushed, friction acts the other way
         lead = sweep.plan.n_lead

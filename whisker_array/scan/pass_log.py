@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from glyphs.ranges import Positive, Validated
 from glyphs.surface.display import OneLine
 from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.sections import WhiskerError
 

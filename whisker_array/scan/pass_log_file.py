@@ -12,7 +12,7 @@ import numpy as np
 from whisker_array.scan.checked_file import CheckedFile
 from whisker_array.scan.pass_log import LoggedPass, PassLog
 from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 
 GROUP = "log"

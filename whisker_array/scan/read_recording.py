@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import TraceDirection
+from whisker_array.arrays import Floats
 from whisker_array.scan.calibration import Calibration, apply_calibration
 from whisker_array.scan.checked_file import CheckedFile
 from whisker_array.scan.pass_log_file import GROUP, read_log
@@ -147,7 +148,7 @@ class RecordingReader(CheckedFile):
                 whisker=self.text("description", group=group),
             )
 
-    def _offsets(self) -> NDArray[np.float64]:
+    def _offsets(self) -> Floats:
         offset = self.numbers("whisker/offset_mm", (self._n_whiskers,), default=0.0)
         self.require(
             offset[0] == 0.0 and offset.min() >= 0.0,
@@ -269,7 +270,7 @@ class RecordingReader(CheckedFile):
         return start, step
 
 
-def _common(values: NDArray[np.float64]) -> float:
+def _common(values: Floats) -> float:
     return float(values[0]) if np.ptp(values) == 0.0 else float(values.mean())
 
 

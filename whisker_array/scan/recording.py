@@ -49,6 +49,7 @@ from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, report_damage
+from whisker_array.arrays import Floats
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.pass_log_file import write_log
 from whisker_array.scan.read_recording import FORMAT, FORMAT_VERSION, VOLT, RecordingReader
@@ -88,10 +89,9 @@ def save_calibration(path: str | Path, calibration: Calibration, *, out: str | P
 
 
 def _write(scan: Scan, file: h5py.File) -> None:
-    attributes = {"format": FORMAT, "format_version": FORMAT_VERSION, "units": "N*mm"}
-    attributes |= {"sampling_rate_hz": scan.sample_rate_hz, "scale_factor": 1.0, "add_offset": 0.0}
-    attributes |= {n: getattr(scan, n) for n in ("line_pitch_mm", "start_time", "part_id", "fidelity")}
-    file.attrs.update(attributes)
+    numbers = {"sampling_rate_hz": scan.sample_rate_hz, "scale_factor": 1.0, "add_offset": 0.0}
+    file.attrs.update(format=FORMAT, format_version=FORMAT_VERSION, units="N*mm", **numbers)
+    file.attrs.update({n: getattr(scan, n) for n in ("line_pitch_mm", "start_time", "part_id", "fidelity")})
     if scan.notes:
         file.attrs["notes"] = list(scan.notes)
     # single passes of a log: those of one direction may differ in length
@@ -159,7 +159,7 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
     file["calibration"].attrs["from_land"] = calibration.from_land
 
 
-def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
+def _positions(plan: SweepPlan, n_air: int) -> Floats:
     ran = replace(plan, n_samples=plan.n_samples + int(plan.behind.max(initial=0)))
     along = np.concatenate([np.full(n_air, plan.start_mm), ran.position_mm()])
     n_pass = plan.line_mm.shape[0]

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
 from glyphs.signatures import lists_options
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.arrays import Floats, Mask
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.mounting import Mounted, VirtualBench
 from whisker_array.scan.pass_log import PassLog
@@ -146,7 +146,7 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
     )
 
 
-def add_flags(scan: Scan, flag: SampleFlag, masks: Mapping[TraceDirection, NDArray[np.bool_]]) -> Scan:
+def add_flags(scan: Scan, flag: SampleFlag, masks: Mapping[TraceDirection, Mask]) -> Scan:
     """Flag samples (passes, whiskers, samples) of the first kind of whisker in dragged sweeps."""
     if not any(mask.any() for mask in masks.values()):
         return scan
@@ -159,7 +159,7 @@ def add_flags(scan: Scan, flag: SampleFlag, masks: Mapping[TraceDirection, NDArr
     return replace(scan, sweeps=tuple(sweeps))
 
 
-def positions_mm(scan: Scan, flag: SampleFlag) -> NDArray[np.float64]:
+def positions_mm(scan: Scan, flag: SampleFlag) -> Floats:
     """(n, 2) plate x, y of the samples with a flag."""
     places = [np.empty((0, 2))]
     for sweep in scan.sweeps:

@@ -29,6 +29,7 @@ from glyphs.ranges import (
     require_range,
 )
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats, Mask
 
 
 class Sensors(StrEnum):
@@ -46,8 +47,8 @@ class SensorError(MarksError):
 class Gauges(OneLine, Validated, error=SensorError):
     """Gain (n,) and offset (n,), N mm, of an array's gauges; raises SensorError."""
 
-    gain: NDArray[np.float64]
-    offset_n_mm: NDArray[np.float64]
+    gain: Floats
+    offset_n_mm: Floats
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -128,9 +129,7 @@ def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> No
         )
 
 
-def convert(
-    signal_n_mm: NDArray[np.float32], chain: SensorChain
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def convert(signal_n_mm: NDArray[np.float32], chain: SensorChain) -> tuple[NDArray[np.float32], Mask]:
     """Convert a signal, float32: round to the nearest count and clip to the range; and where it was clipped."""
     if chain.adc_bits is None:
         return signal_n_mm, np.zeros(signal_n_mm.shape, dtype=np.bool_)
@@ -151,9 +150,9 @@ def measure(
     chain: SensorChain,
     sample_rate_hz: float,
     rng: np.random.Generator,
-    drift_n_mm: NDArray[np.float64] | None = None,
+    drift_n_mm: Floats | None = None,
     pause_s: float = 0.0,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.float32], Mask]:
     """Measure true moments (..., whiskers, samples), N mm, with a sensor chain; NaN (no contact) stays NaN.
 
     `drift_n_mm` (whiskers,), the zeros before the first sample, is updated; `pause_s` in air precedes each pass.

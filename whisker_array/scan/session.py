@@ -19,7 +19,7 @@ from glyphs.surface.display import OneLine
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
 

@@ -14,7 +14,7 @@ from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
 

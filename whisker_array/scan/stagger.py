@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whisker_array.arrays import Floats
+
 
 def to_instants(
     by_position: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None
@@ -26,7 +28,7 @@ def to_instants(
     return out
 
 
-def to_places(by_time: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.intp]) -> NDArray[Any]:
+def to_places(by_time: NDArray[Any], behind: Floats | NDArray[np.intp]) -> NDArray[Any]:
     """Convert samples by time to samples by position, over the stretch that all rows cover; flags are combined."""
     late = np.floor(behind).astype(np.intp)
     part = np.asarray(behind, dtype=np.float64) - late

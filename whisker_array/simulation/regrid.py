@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
+from whisker_array.arrays import Floats, Mask
 from whisker_array.simulation.surface import Friction, fill_dropouts
 
 _NOTHING_MM = 1e-6
@@ -89,13 +90,12 @@ def _interpolate(values: NDArray[np.float32], factor: int, *, order: int) -> NDA
     rows, cols = values.shape
     shape = ((rows - 1) * factor + 1, (cols - 1) * factor + 1)
     # grid_mode=False maps first and last samples onto each other, so the pitch divides exactly
-    out: NDArray[np.float32] = ndimage.zoom(
-        values, (shape[0] / rows, shape[1] / cols), order=order, mode="nearest", grid_mode=False
-    ).astype(np.float32)
-    return out
+    scale = (shape[0] / rows, shape[1] / cols)
+    zoomed = ndimage.zoom(values, scale, order=order, mode="nearest", grid_mode=False)
+    return np.asarray(zoomed, dtype=np.float32)
 
 
-def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+def _repeat(mask: Mask, factor: int) -> Mask:
     half = factor // 2
     return np.repeat(np.repeat(mask, factor, axis=0), factor, axis=1)[half:, half:]
 
@@ -107,7 +107,7 @@ def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
     return mean_of_known(blocks, axis=(1, 3)).astype(np.float32)
 
 
-def mean_of_known(values: NDArray[np.floating], *, axis: int | tuple[int, ...]) -> NDArray[np.float64]:
+def mean_of_known(values: NDArray[np.floating], *, axis: int | tuple[int, ...]) -> Floats:
     """Mean of the known values along axes; NaN if none is known."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)

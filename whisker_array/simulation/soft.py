@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.soil import Soil
+from whisker_array.arrays import Floats
 from whisker_array.whisker.shapes import TipModel
 
 LEAST_GIVE = 0.05
@@ -87,7 +88,7 @@ def sunken_heights(
     return np.asarray(np.maximum(top - sinkage, bottom_mm), dtype=np.float32)
 
 
-def _slope(values: NDArray[np.float64], step_mm: float) -> NDArray[np.float64]:
+def _slope(values: Floats, step_mm: float) -> Floats:
     if values.shape[1] < 2:
         return np.zeros_like(values)
     return np.asarray(np.gradient(values, step_mm, axis=1))

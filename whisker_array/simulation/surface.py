@@ -12,6 +12,7 @@ from glyphs.compiled import FAST, inline_kernel, kernel, read_only
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.arrays import Mask
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
 from whisker_array.simulation.threads import in_threads
@@ -29,7 +30,7 @@ class TouchSurface(OneLine):
     # below all soft dirt
     fields: NDArray[np.float32]
     # (rows, cols) bool: whether the height was not measured but filled from its surroundings
-    dropout: NDArray[np.bool_]
+    dropout: Mask
     pitch_mm: float
     # (rows, cols, 7) float32, None without soft dirt: height and both slopes of the dirt's top, the stiffness
     # N/mm with which it carries the tip (`soft`), both slopes of the stiffness, and 1 where dirt affects the
@@ -41,7 +42,7 @@ class TouchSurface(OneLine):
         return (self.fields.shape[0], self.fields.shape[1])
 
 
-def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], Mask]:
     """Fill NaN smoothly from the nearest measured neighbours; returns the heights and where they were filled."""
     dropout = np.isnan(z_mm)
     if not dropout.any():
@@ -167,7 +168,7 @@ def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, h
 
 def sample_lines(
     surface: TouchSurface, plan: SweepPlan
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32], Mask]:
     """Height, friction and dropout at every sample of a plan in the trace frame, (lines, samples) each: bilinear."""
     lines = np.ravel(np.asarray(plan.line_mm, dtype=np.float64))
     height, mu = np.empty((2, lines.size, plan.n_samples), dtype=np.float32)

@@ -18,15 +18,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glyphs.ranges import Count, Finite, NotNegative, Positive, Range, Validated, require_range
+from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
-from whisker_array.whisker.comb import Body, collisions, default_body, room_hint
+from whisker_array.arrays import Floats
+from whisker_array.whisker.comb import WhiskerArray, default_body
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
 from whisker_array.whisker.sections import WhiskerError
 
@@ -44,46 +43,6 @@ COMB_STEP_HEIGHTS = 0.1
 """Step of the distance between rows, character heights: a whole number of samples in all usual plans."""
 PITCH_TOLERANCE = 1e-3
 """Allowed deviation of whisker pitch over line pitch from a whole number: the accuracy of a comb's manufacture."""
-
-
-AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
-
-
-@dataclass(frozen=True)
-class WhiskerArray(Validated, error=WhiskerError):
-    """A comb of equal whiskers, or several; without a `body` whiskers are points. Raises WhiskerError."""
-
-    n_whiskers: AtLeastOne
-    pitch_mm: Positive  # lateral distance between neighbouring whiskers
-    rows: int = 1
-    stagger_mm: NotNegative = 0.0
-    # number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
-    # with the position of its own tip
-    kinds: AtLeastOne = 1
-    body: Body | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_range(WhiskerError, Range(1, self.n_whiskers), rows=self.rows)
-        if self.body is not None:
-            points = replace(self, body=None)
-            if touching := collisions(self.body, points):
-                what = f"the comb cannot be built: {touching}"
-                raise WhiskerError(what, hint=room_hint(self.body, points))
-
-    @property
-    def offset_mm(self) -> tuple[float, ...]:
-        """Distance of each whisker behind the foremost row along the trace, the first comb's whiskers first."""
-        return tuple(
-            (kind * self.rows + i % self.rows) * self.stagger_mm
-            for kind in range(self.kinds)
-            for i in range(self.n_whiskers)
-        )
-
-    @property
-    def mass_g(self) -> float:
-        """Mass of whiskers and clamps without their carrier; 0 if whiskers are points."""
-        return 0.0 if self.body is None else self.kinds * self.n_whiskers * self.body.mass_g
 
 
 @dataclass(frozen=True, repr=False)
@@ -142,7 +101,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
             for lines in line_mm.tolist()
         )
 
-    def _ways(self) -> Iterator[tuple[Pass, NDArray[np.float64]]]:
+    def _ways(self) -> Iterator[tuple[Pass, Floats]]:
         x0, y0, x1, y1 = self.region_mm
         ways = [(direction, False) for direction in self.directions]
         if self.two_way:
@@ -164,7 +123,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
             )
             yield first, line_mm
 
-    def _lines_mm(self, low: float, high: float) -> NDArray[np.float64]:
+    def _lines_mm(self, low: float, high: float) -> Floats:
         n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
         whiskers = self.array.n_whiskers
         if self.each_whisker:

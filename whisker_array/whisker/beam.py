@@ -31,7 +31,7 @@ Matrix = NDArray[np.float64]
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
 _TAPER_TOLERANCE = 1e-12
 """Panels are doubled until D changes by less than this share; the remaining error is far below 1e-10."""
-_MAX_PANELS = 512
+_PANELS = tuple(2**k for k in range(10))
 _WORLD_Z = np.array([0.0, 0.0, 1.0])
 _WORLD_X = np.array([1.0, 0.0, 0.0])
 
@@ -94,11 +94,9 @@ def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
     if not isinstance(segment.section, Taper):
         yield np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
         return
-    panels = 1
-    while panels <= _MAX_PANELS:
+    for panels in _PANELS:
         left = np.arange(panels)[:, None]
         yield ((left + (1.0 + _GAUSS_X) / 2.0) / panels).ravel(), np.tile(_GAUSS_W / (2.0 * panels), panels)
-        panels *= 2
 
 
 def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: bool) -> Matrix:

@@ -17,24 +17,21 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glyphs.ranges import Positive, Validated, require_positive
+from glyphs.ranges import NotNegative, Positive, Range, Validated, require_positive, require_range
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
-
-if TYPE_CHECKING:
-    from whisker_array.whisker.array import WhiskerArray
 
 GAP_MM = 0.15
 """Least gap between two bodies: several times the uncertainty of a clamped ribbon's position."""
@@ -50,7 +47,7 @@ class Body(OneLine, Validated, error=WhiskerError):
     thickness_mm: Positive
     aside_mm: float
     # lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and at the greatest bend
-    shapes_mm: tuple[NDArray[np.float64], ...]
+    shapes_mm: tuple[Floats, ...]
     clamp_mm: tuple[float, float]  # (length ahead of the base, half height)
     mass_g: float
 
@@ -81,7 +78,7 @@ class Body(OneLine, Validated, error=WhiskerError):
         )
 
     @cached_property
-    def _outlines(self) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
+    def _outlines(self) -> tuple[tuple[Floats, ...], Floats]:
         x, y = self.clamp_mm
         block = np.array([(0.0, -y), (0.0, y), (x, y), (x, -y), (0.0, -y)])
         return tuple(_dense(s, self.thickness_mm) for s in self.shapes_mm), _dense(block, self.thickness_mm)
@@ -99,7 +96,7 @@ class Body(OneLine, Validated, error=WhiskerError):
         return min(worst, to_clamps, _distance(box, box + shift))
 
 
-def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def _dense(line: Floats, step: float) -> Floats:
     out = [line[:1]]
     for a, b in pairwise(line):
         n = max(1, math.ceil(float(np.hypot(*(b - a))) / step))
@@ -107,7 +104,7 @@ def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     return np.concatenate(out)
 
 
-def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
+def _distance(points: Floats, line: Floats) -> float:
     starts, steps = line[:-1], np.diff(line, axis=0)
     length = np.maximum((steps**2).sum(axis=1), 1e-30)
     x, y = (points[:, k, None] - starts[:, k] for k in (0, 1))
@@ -119,7 +116,7 @@ def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
 
 def bent_the_most(
     whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION, burr: float = 0.1
-) -> NDArray[np.float64]:
+) -> Floats:
     """Line of the elastica on land, (n, 2) mm from the clamp, lifted by preload and burrs. Raises WhiskerError."""
     try:
         bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + burr), mu=mu).shape_mm
@@ -140,7 +137,7 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
 def _body(
     whisker: Whisker,
     preload: float,
-    bent: NDArray[np.float64],
+    bent: Floats,
     *,
     steepest: float = math.sqrt(3.0),
     clamp_thicknesses: float = 4.0,
@@ -177,6 +174,46 @@ def default_body(character_height_mm: float) -> Body:
     """Return the body of the default whisker, whose sizes scale with the character height. Raises WhiskerError."""
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     return _unit_body().scaled(character_height_mm)
+
+
+AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
+
+
+@dataclass(frozen=True)
+class WhiskerArray(Validated, error=WhiskerError):
+    """A comb of equal whiskers, or several; without a `body` whiskers are points. Raises WhiskerError."""
+
+    n_whiskers: AtLeastOne
+    pitch_mm: Positive  # lateral distance between neighbouring whiskers
+    rows: int = 1
+    stagger_mm: NotNegative = 0.0
+    # number of combs, each with one kind of whisker; all run on the same lines, and every sample is labelled
+    # with the position of its own tip
+    kinds: AtLeastOne = 1
+    body: Body | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_range(WhiskerError, Range(1, self.n_whiskers), rows=self.rows)
+        if self.body is not None:
+            points = replace(self, body=None)
+            if touching := collisions(self.body, points):
+                what = f"the comb cannot be built: {touching}"
+                raise WhiskerError(what, hint=room_hint(self.body, points))
+
+    @property
+    def offset_mm(self) -> tuple[float, ...]:
+        """Distance of each whisker behind the foremost row along the trace, the first comb's whiskers first."""
+        return tuple(
+            (kind * self.rows + i % self.rows) * self.stagger_mm
+            for kind in range(self.kinds)
+            for i in range(self.n_whiskers)
+        )
+
+    @property
+    def mass_g(self) -> float:
+        """Mass of whiskers and clamps without their carrier; 0 if whiskers are points."""
+        return 0.0 if self.body is None else self.kinds * self.n_whiskers * self.body.mass_g
 
 
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:

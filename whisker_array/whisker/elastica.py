@@ -23,11 +23,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import Finite, Validated, freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
+from whisker_array.arrays import Floats
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import (
     Matrix,
@@ -92,8 +92,8 @@ class LinearError:
 class _Rod:
     segments: tuple[Segment, ...]
     length_mm: float
-    start: NDArray[np.float64]  # (2, n, 1) where each segment begins
-    along: NDArray[np.float64]  # (2, n, 1) from its beginning to its end
+    start: Floats  # (2, n, 1) where each segment begins
+    along: Floats  # (2, n, 1) from its beginning to its end
     push: Vector  # (3,) R a, force per normal force
     arm_mm: Vector  # (3,) third row of T1
     yields_mm_per_n: Vector  # (3,) D11 R a, shift of the tip per normal force by the linear inextensible beam
@@ -154,7 +154,7 @@ def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) ->
         shifts = (-chord * np.sin(rod.angle + half), chord * np.cos(rod.angle + half))
         return np.concatenate([p[0] * curvature(t, u, v), *shifts])
 
-    def slope_derivatives(t: Vector, y: Matrix, p: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def slope_derivatives(t: Vector, y: Matrix, p: Vector) -> tuple[Floats, Floats]:
         turn, u, v = y.reshape(3, n, -1)
         by_state, by_force = np.zeros((3, n, 3, n, t.size)), np.zeros((3, n, t.size))
         each, soft = np.arange(n), p[0] * bend * rod.softness(t)

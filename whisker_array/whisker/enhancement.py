@@ -36,10 +36,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_not_negative, require_range
+from whisker_array.arrays import Floats
 from whisker_array.whisker.sections import UPRIGHT, WhiskerError
 
 if TYPE_CHECKING:
@@ -60,20 +61,20 @@ def _divide(numerator: float, denominator: float, what: str) -> float:
     return numerator / denominator
 
 
-def rotation(alpha_rad: float) -> NDArray[np.float64]:
+def rotation(alpha_rad: float) -> Floats:
     """Eq. (9): R(alpha), from surface axes (t1, n, t2) to the world; (3, 3) float64."""
     require_range(WhiskerError, UPRIGHT, alpha_rad=alpha_rad)
     c, s = math.cos(alpha_rad), math.sin(alpha_rad)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def contact_direction(mu: float) -> NDArray[np.float64]:
+def contact_direction(mu: float) -> Floats:
     """a of eq. (10) = (-mu, 1, 0): contact force per normal force in surface axes; (3,) float64."""
     require_not_negative(WhiskerError, mu=mu)
     return np.array([-mu, 1.0, 0.0])
 
 
-def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDArray[np.float64]:
+def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> Floats:
     """Eqs. (8) and (10): f = f_n R a, the force on the sliding tip in world axes; (3,) float64, N."""
     return np.asarray(normal_force_n * (rotation(alpha_rad) @ contact_direction(mu)))
 
@@ -118,9 +119,7 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
     return lift * turn
 
 
-def _lift_and_turn(
-    slope: ArrayLike, mu: float, tip_model: TipModel
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lift_and_turn(slope: ArrayLike, mu: float, tip_model: TipModel) -> tuple[Floats, Floats]:
     require_not_negative(WhiskerError, mu=mu)
     p = np.asarray(slope, dtype=np.float64)
     along, up = -mu - p, 1.0 - mu * p
@@ -128,7 +127,7 @@ def _lift_and_turn(
     return row[0] * along + row[1] * up, arm[0] * along + arm[1] * up
 
 
-def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.float64]:
+def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> Floats:
     """Eq. (16) for arrays: F at the surface slope dh/dx = -tan(alpha) along the trace.
 
     1 on the land, NaN where the whisker jams or the slope is NaN. Raises WhiskerError if it jams on the land.

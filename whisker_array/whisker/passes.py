@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
+from whisker_array.arrays import Floats
 from whisker_array.whisker.sections import WhiskerError
 
 RAPID_MM_S = 300.0
@@ -57,7 +58,7 @@ class SweepPlan(OneLine):
     """
 
     direction: TraceDirection
-    line_mm: NDArray[np.float64]
+    line_mm: Floats
     start_mm: float
     step_mm: float
     n_samples: int
@@ -71,7 +72,7 @@ class SweepPlan(OneLine):
         offsets = self.offset_mm or (0.0,) * int(self.line_mm.shape[1])
         return samples_behind(offsets, self.step_mm)
 
-    def lines_in_order(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    def lines_in_order(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
         """Order of all lines across the plate, from passes first; whisker and position of each in that order."""
         order = np.argsort(self.line_mm, axis=None, kind="stable")
         return order, order % self.line_mm.shape[1], self.line_mm.ravel()[order]
@@ -80,7 +81,7 @@ class SweepPlan(OneLine):
         offsets = np.asarray(self.offset_mm)[whiskers].tolist() if self.offset_mm else ()
         return replace(self, line_mm=self.line_mm[:, whiskers], offset_mm=tuple(offsets))
 
-    def position_mm(self) -> NDArray[np.float64]:
+    def position_mm(self) -> Floats:
         """(samples,) plate coordinate along the trace of each touching sample, the same for every row."""
         step_mm = self.direction.sign * self.step_mm
         return self.start_mm + step_mm * np.arange(self.n_samples, dtype=np.float64)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise, repeat
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -175,11 +176,9 @@ class Chain(OneLine, Validated, error=WhiskerError):
             raise WhiskerError(error.what, where="points_mm", hint=error.hint) from error
 
     def segments(self) -> tuple[Segment, ...]:
-        n = len(self.points_mm) - 1
-        each = self.sections if isinstance(self.sections, tuple) else (self.sections,) * n
-        return tuple(
-            Segment(self.points_mm[i], self.points_mm[i + 1], each[i], self.material) for i in range(n)
-        )
+        sections = self.sections if isinstance(self.sections, tuple) else repeat(self.sections)
+        pairs = zip(pairwise(self.points_mm), sections, strict=False)
+        return tuple(Segment(start, end, section, self.material) for (start, end), section in pairs)
 
     def tip_model(self, *, axial: bool = True) -> TipModel:
         return _model(self.segments(), self.l3_mm, axial)

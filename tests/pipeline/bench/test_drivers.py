@@ -21,7 +21,8 @@ from tests.support.emulator.world import World, on_plate
 from tests.support.waiting import wait_until
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.stage_error import StageError
-from whisker_array.whisker.array import ALL_DIRECTIONS, PIECE_LINES, WhiskerArray
+from whisker_array.whisker.array import ALL_DIRECTIONS, PIECE_LINES
+from whisker_array.whisker.comb import WhiskerArray
 
 LIFTED_MM = -30.0 + 5.0
 """Machine z at which tips are carried."""

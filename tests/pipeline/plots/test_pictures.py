@@ -22,7 +22,8 @@ from pipeline.plots.pictures import save_figure
 from recognition.decide.picture import moment_image
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch, default_touch

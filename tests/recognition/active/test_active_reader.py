@@ -22,7 +22,8 @@ from recognition.touch import TactileReader
 from tests.support.scans import Jamming
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.array import WhiskerArray, default_plan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import default_touch
 

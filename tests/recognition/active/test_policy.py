@@ -17,7 +17,7 @@ from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, ne
 from recognition.active.policy import Drawn, Greedy, Ladder, Progress
 from recognition.see.text_line import TextLine
 from whisker_array.scan.session import Fitting
-from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
 FIELD = (0.0, 0.0, 60.0, 25.0)

@@ -34,7 +34,8 @@ from recognition.see.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.see.view import DIRECTIONS, GREY, HEIGHTS, View, ViewKind
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import Touch, default_touch
 

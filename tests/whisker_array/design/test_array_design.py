@@ -10,8 +10,8 @@ from pipeline.cli.design_report import print_arrays
 from whisker_array.design.array_design import ArrayRequest, design_arrays
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, measured_plans
-from whisker_array.whisker.array import WhiskerArray, default_plan
-from whisker_array.whisker.comb import collisions, default_body, least_rows, least_stagger_mm
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.comb import WhiskerArray, collisions, default_body, least_rows, least_stagger_mm
 
 REQUEST = ArrayRequest(5.0, accuracy=0.95)
 

@@ -16,6 +16,7 @@ from tests.support.trace_frame import trace_contact
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     check,
+    factors,
     linear_force_error,
     sideways_slide_mm,
 )
@@ -27,7 +28,7 @@ from whisker_array.design.design import (
 )
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.design.trade import speed_trade_off
-from whisker_array.design.tuned import Kind, factors, middle_friction, tune
+from whisker_array.design.tuned import Kind, middle_friction, tune
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import linear_error

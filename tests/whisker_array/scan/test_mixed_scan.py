@@ -22,7 +22,8 @@ from whisker_array.scan.scan import Scan, only, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.scan.stagger import to_instants, to_places
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.touch import default_touch, profiling_touch

@@ -12,7 +12,8 @@ from tests.support.scans import SMALL_PLAN
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
-from whisker_array.whisker.array import ALL_DIRECTIONS, WhiskerArray
+from whisker_array.whisker.array import ALL_DIRECTIONS
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import Touch, default_touch
 

@@ -16,7 +16,8 @@ from whisker_array.scan.lead_in import calibrate_scan
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain, measure
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
 # ------------------------------------------------------------------------------------------------------------ sensor

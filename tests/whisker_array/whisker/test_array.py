@@ -17,13 +17,13 @@ from whisker_array.whisker.array import (
     LINES_PER_HEIGHT,
     SAFE_SPEED_MM_S,
     RasterPlan,
-    WhiskerArray,
     default_comb,
     default_plan,
 )
 from whisker_array.whisker.comb import (
     GAP_MM,
     Body,
+    WhiskerArray,
     body_of,
     collisions,
     default_body,
