@@ -164,12 +164,10 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     e = -1.0 if plan.pushed else 1.0
     s = e * plan.direction.sign
     phi = e * float(np.arctan(mu))
-    along = s * sloped.along_mm  # increases towards the base for either direction of travel
-    order = np.argsort(along)
-    moment = (1.0 + sloped.values[rows][:, order]) * float(moment_per_lift(phi, slopes_of.touch.tip))
+    along = s * sloped.along_mm  # increases towards the base
+    moment = (1.0 + sloped.values[rows]) * float(moment_per_lift(phi, slopes_of.touch.tip))
     moment *= slopes_of.touch.preload_mm
-    lift = (1.0 + other.values[rows_too][:, order]) * profiles_of.touch.preload_mm
-    along = along[order]
+    lift = (1.0 + other.values[rows_too]) * profiles_of.touch.preload_mm
     where_m = where_l = np.broadcast_to(along, moment.shape)
     lean_l = np.full(lift.shape, phi)
     lean = np.full(moment.shape, phi)
@@ -183,10 +181,9 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     lifts, leans = _resample(lift, where_l, even), _resample(lean, where_m, even)
     # missing samples stay unknown
     lifts, leans = np.where(np.isfinite(lift), lifts, np.nan), np.where(np.isfinite(moment), leans, np.nan)
-    back = np.argsort(order)
     return _View(
-        lift=SweptLines(lifts[:, back], other.place_mm[rows_too], sloped.along_mm, sloped.direction),
-        lean=SweptLines(leans[:, back], sloped.place_mm[rows], sloped.along_mm, sloped.direction),
+        lift=SweptLines(lifts, other.place_mm[rows_too], sloped.along_mm, sloped.direction),
+        lean=SweptLines(leans, sloped.place_mm[rows], sloped.along_mm, sloped.direction),
         base_ahead=s,
         friction_sign=e,
     )
