@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.arrays import Mask
 from whisker_array.scan.sensor import Gauges, SensorError, check_signal
 
 MIN_LEAD_IN_SAMPLES = 16
@@ -96,10 +95,7 @@ def calibrate_lead_in(
     )
     for bad, what, hint in wrong:
         if bad.any():
-            raise SensorError(what, where=f"whiskers {_list_whiskers(bad)}", hint=hint)
+            numbers = np.flatnonzero(bad)
+            listed = ", ".join(map(str, numbers[:8])) + (", ..." if numbers.size > 8 else "")
+            raise SensorError(what, where=f"whiskers {listed}", hint=hint)
     return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
-
-
-def _list_whiskers(mask: Mask) -> str:
-    numbers = np.flatnonzero(mask)
-    return ", ".join(str(i) for i in numbers[:8]) + (", ..." if numbers.size > 8 else "")

@@ -31,7 +31,7 @@ def write_log(log: PassLog, file: h5py.File) -> None:
     for name in ("height_mm", "field_mm", "region_mm", "stopped", "problem", "budget_s"):
         if getattr(log, name) is not None:
             group.attrs[name] = getattr(log, name)
-    group.attrs["other_texts"] = json.dumps(sorted(log.other_texts))
+    group.attrs["other_texts"] = " ".join(sorted(log.other_texts))
     for name in ("along_mm", *_TIMES):
         group[name] = np.array([getattr(p.order, name) for p in log.passes], dtype=np.float64)
     preloads = [p.order.preload_mm for p in log.passes]
@@ -79,7 +79,7 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
             height_mm=file.attribute("height_mm", group=GROUP),
             field_mm=_area(file, "field"),
             region_mm=_area(file, "region") if "region_mm" in group.attrs else None,
-            other_texts=_other_texts(file),
+            other_texts=frozenset(file.text("other_texts", group=GROUP).split()),
             stopped=file.text("stopped", group=GROUP),
             problem=file.text("problem", group=GROUP),
             budget_s=file.attribute("budget_s", group=GROUP) if "budget_s" in group.attrs else None,
@@ -92,17 +92,6 @@ def _area(file: CheckedFile, what: str) -> tuple[float, float, float, float]:
     file.require(numbers, f"/log has no valid {what}", f"write {what}_mm as x0, y0, x1, y1")
     x0, y0, x1, y1 = area.tolist()
     return x0, y0, x1, y1
-
-
-def _other_texts(file: CheckedFile) -> frozenset[str]:
-    written = file.text("other_texts", group=GROUP)
-    try:
-        texts = json.loads(written or "[]")
-    except ValueError:
-        texts = None
-    listed = isinstance(texts, list) and all(isinstance(text, str) for text in texts)
-    file.require(listed, "/log has no valid other_texts", 'write them as JSON: ["AB12"]')
-    return frozenset(text[:_LONGEST_TEXT] for text in texts)
 
 
 def _texts(file: CheckedFile, name: str, n: int) -> list[str]:

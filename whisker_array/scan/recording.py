@@ -18,7 +18,7 @@ each begins with its air samples. A star marks required items; the others have t
     /passes/n_lead         (pass,) samples of the lead-in on land, and of the lead-out behind the marks (0)
     /passes/pushed         (pass,) 1 where the array was pushed back, its base behind the tip (0)
     /log                   of a scan made pass by pass, each with its own length; attributes: array (its fields,
-                           JSON)*, height_mm*, field_mm* (4,), region_mm (4,), other_texts (a list, JSON), stopped (""),
+                           JSON)*, height_mm*, field_mm* (4,), region_mm (4,), other_texts (""), stopped (""),
                            problem (""), budget_s
     /log/along_mm*         (pass, 2) least and greatest plate coordinate along the trace, without lead-in and lead-out
     /log/speed_mm_s*       (pass,);  /log/lead_mm*  (pass,);  /log/turnaround_s*  (pass,)

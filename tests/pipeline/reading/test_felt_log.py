@@ -119,7 +119,6 @@ def test_a_recording_keeps_order_plan_and_stop(felt: ActiveReading, recording: P
         (lambda log: log.attrs.__setitem__("budget_s", -1.0), "must be positive"),
         (lambda log: log.attrs.__setitem__("region_mm", (0.0, 0.0, 1.0)), "no valid region"),
         (lambda log: log.attrs.__setitem__("region_mm", (1.0, 0.0, 1.0, 2.0)), "region .* is empty"),
-        (lambda log: log.attrs.__setitem__("other_texts", "[1]"), "no valid other_texts"),
     ],
 )
 def test_a_log_that_does_not_fit_is_told(recording: Path, tmp_path: Path, damage: object, says: str) -> None:
