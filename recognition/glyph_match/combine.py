@@ -96,7 +96,10 @@ def believe_faces(line: LineExperts, weights: ExpertWeights) -> FaceBelief:
         at_place = np.log((1.0 - weights.covered) * faces + weights.covered * in_none)[..., None]
         mixture = np.logaddexp.reduce(log + at_place[..., None], axis=-3)
         unknown = np.exp(np.where(lacks, prior, -np.inf)).sum(axis=-1, keepdims=True)
-        known = np.log1p(-np.minimum(unknown, 1.0)) + log_softmax(mixture, axis=-1)
+        # no face has any character that a place may hold, such as small letters
+        none = np.isneginf(mixture).all(axis=-1, keepdims=True)
+        known = np.log1p(-np.minimum(unknown, 1.0)) + log_softmax(np.where(none, 0.0, mixture), axis=-1)
+        known = np.where(none, -np.inf, known)
         shows = np.log1p(-np.exp(log_softmax(explained + at_place, axis=-2)[..., -1, :, None]))
     best = np.fmax.reduce(line.cosines, axis=-1, initial=weights.no_face - 1.0).mean(axis=-1)
     fit = (faces[..., :-1] * (best - weights.no_face)).sum(axis=-1)

@@ -48,7 +48,9 @@ class ReadLine:
     lattice: Lattice
     columns: Floats
     evidence: float  # log probability of all that the format allows together; 0 where nothing is known
-    count_probability: float  # probability that there are so many places; 1 where a format says so
+    count_probability: (
+        float  # probability that there are so many places; 1 where a format allows no other number
+    )
     by_expert: Mapping[str, Lattice]
     looks: Sequence[Steps]
     other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))
@@ -60,7 +62,7 @@ class ReadLine:
     def open_places(self) -> tuple[Lattice, Floats]:
         """Posteriors for the most probable number of places, of any characters, and their columns."""
         first = self.looks[:1]
-        posteriors, _ = _likeliest_count(first, least=1)
+        posteriors, _ = _likeliest_count(first, None)
         lattice, columns = _lattice(first, posteriors) or (self.lattice, self.columns)
         return replace(with_slip(lattice), boxes=boxes_of(self.line, columns)), columns
 
@@ -81,7 +83,9 @@ class ReadLine:
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room."""
-        return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
+        if grammar is None:
+            return 0.0
+        return max(map(_evidence, _by_count(self.looks, grammar, alike).values()), default=-math.inf)
 
     def least_read(self) -> int:
         """Place with the least probability of any known character: another sign may stand there."""
@@ -124,16 +128,12 @@ class ReadLine:
 
 def combine_looks(line: TextLine, looks: Sequence[Steps], grammar: Grammar | None) -> ReadLine | None:
     """Combine the recogniser's looks at a line; None where no text fits."""
-    count_probability, evidence = 1.0, 0.0
-    if grammar is None:
-        posteriors, count_probability = _likeliest_count(looks)
-    else:
-        posteriors = _best_length(looks, grammar)
-        evidence = _evidence(posteriors)
+    posteriors, count_probability = _likeliest_count(looks, grammar)
     averaged = _lattice(looks, posteriors)
     if averaged is None:
         return None
     lattice, columns = averaged
+    evidence = 0.0 if grammar is None else _evidence(posteriors)
     by_expert = MappingProxyType({looks[0].expert: lattice})
     return ReadLine(line, with_slip(lattice), columns, evidence, count_probability, by_expert, tuple(looks))
 
@@ -150,20 +150,30 @@ def _evidence(posteriors: Posteriors) -> float:
     return float(np.mean(logs)) if logs else -math.inf
 
 
-def _best_length(
-    looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = (), *, most_lengths: int = 6
-) -> Posteriors:
-    lengths = grammar.lengths()
+def _by_count(
+    looks: Sequence[Steps],
+    grammar: Grammar | None,
+    alike: Sequence[str] = (),
+    *,
+    most_lengths: int = 6,
+    least_share: float = 0.05,
+) -> Mapping[int, Posteriors]:
+    """Posteriors for each number of characters that the format allows, or that is likely where any is allowed."""
+    lengths = None if grammar is None else grammar.lengths()
     if lengths is None or len(lengths) > most_lengths:
-        usual = int(np.argmax(_log_counts(looks)))
-        nearest = sorted(lengths or {usual}, key=lambda n: abs(n - usual))
-        lengths = frozenset(nearest[:most_lengths])
-    by_length = [
-        _posteriors(looks, [chars + "".join(a for a in alike if set(a) & set(chars)) for chars in allowed])
-        for n in sorted(lengths)
+        counts = _log_counts(looks)
+        if lengths is None:
+            likely = np.flatnonzero(counts > counts.max() + math.log(least_share))
+            lengths = frozenset(max(int(n), 1) for n in likely)
+        usual = int(np.argmax(counts))
+        lengths = frozenset(sorted(lengths, key=lambda n: abs(n - usual))[:most_lengths])
+    if grammar is None:
+        return {n: _posteriors(looks, (looks[0].chars,) * n) for n in lengths}
+    return {
+        n: _posteriors(looks, [chars + "".join(a for a in alike if set(a) & set(chars)) for chars in allowed])
+        for n in lengths
         if (allowed := grammar.places(n))
-    ]
-    return max(by_length, key=_evidence, default=[None] * len(looks))
+    }
 
 
 def _log_counts(looks: Sequence[Steps], *, most_looks: int = 3) -> Floats:
@@ -174,26 +184,31 @@ def _log_counts(looks: Sequence[Steps], *, most_looks: int = 3) -> Floats:
     return np.asarray(total - np.logaddexp.reduce(total))
 
 
-def _likeliest_count(
-    looks: Sequence[Steps], *, least: int = 0, least_share: float = 0.05
-) -> tuple[Posteriors, float]:
+def _likeliest_count(looks: Sequence[Steps], grammar: Grammar | None) -> tuple[Posteriors, float]:
     """Posteriors for the number of characters whose likeliest text is the likeliest, and that number's probability.
 
     Dirt in a gap may be any character: together all texts with it are likelier than the text without, none by itself.
     """
-    counts = _log_counts(looks)
-    likely = np.flatnonzero(counts > counts.max() + math.log(least_share))
-    by_count = {n: _posteriors(looks, (looks[0].chars,) * n) for n in {max(int(n), least) for n in likely}}
-    if len(by_count) == 1:
-        ((n, posteriors),) = by_count.items()
-        return posteriors, float(np.exp(counts[n]))
+    by_count = _by_count(looks, grammar)
+    if not by_count:
+        return [None] * len(looks), 0.0
+    if grammar is None:
+        counts = _log_counts(looks)
+        logs = {n: float(counts[n]) for n in by_count}
+    else:
+        logs = {n: _evidence(posteriors) for n, posteriors in by_count.items()}
+        if math.isfinite(total := float(np.logaddexp.reduce(list(logs.values())))):
+            logs = {n: log - total for n, log in logs.items()}
 
     def log_text(n: int) -> float:
-        lattice = _lattice(looks, by_count[n])
-        return float(counts[n]) + (0.0 if lattice is None else float(lattice[0].log_belief.max(axis=1).sum()))
+        if (averaged := _lattice(looks, by_count[n])) is None:
+            return -math.inf
+        log = averaged[0].log_belief
+        # that a place may be none is in the probability of the number already
+        return logs[n] + float((log.max(axis=1) - np.logaddexp.reduce(log, axis=1)).sum())
 
-    n = max(by_count, key=log_text)
-    return by_count[n], float(np.exp(counts[n]))
+    likeliest = max(by_count, key=log_text) if len(by_count) > 1 else next(iter(by_count))
+    return by_count[likeliest], math.exp(logs[likeliest])
 
 
 def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from glyphs import stamp
 from glyphs.fonts.glyph import FontError
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
@@ -290,3 +291,11 @@ def test_a_scan_that_shows_nothing_says_why(plain: tuple[StampedPart, Reading], 
     reading = reader().read(still)
     assert (reading.text, reading.decision) == ("", Decision.REJECT)
     assert reading.messages()[0].startswith("no characters found: the 0° sweep shows no land")
+
+
+@pytest.mark.parametrize("format", ["AA9a", "re:[A-Z]{2}[0-9][a-z]"])
+def test_a_place_may_hold_small_letters_only(format: str) -> None:
+    """No face of the library has any, so the recogniser alone says which; a format is written as for the command."""
+    part, reader = stamp("KX4a", fonts="gothic", height_mm=4.0, seed=1), Reader(format=format)
+    assert reader.read(part).text == "KX4a"
+    assert reader.read(part.photograph()).text == "KX4a"

@@ -149,6 +149,18 @@ def test_dirt_that_may_be_any_character_is_none() -> None:
     assert line.open_places[0].text == "AB"
 
 
+@pytest.mark.parametrize("sure", [0.3, 0.6])
+def test_a_number_of_characters_that_the_format_leaves_open_is_only_as_sure_as_it_looks(sure: float) -> None:
+    whole = steps("AB8", sure=0.99)
+    blank, shares = np.exp(whole.log_blank), np.exp(whole.log_chars)
+    blank[-2], shares[-2] = 1.0 - sure, shares[-2] * sure / 0.99
+    looks = [Steps.of(blank, shares, CHARS, whole.columns)]
+    line = combine_looks(LINE, looks, Grammar.parse("re:[AB8]{2,3}"))
+    assert line.lattice.text == ("AB8" if sure > 0.5 else "AB")
+    assert line.count_probability == pytest.approx(max(sure, 1.0 - sure), abs=0.02)
+    assert combine_looks(LINE, looks, Grammar.parse("re:[AB8]{3}")).count_probability == 1.0
+
+
 def test_a_line_is_read_with_and_without_a_format() -> None:
     looks = [steps("A8B", sure=0.9, rival="BAA")]
     free = combine_looks(LINE, looks, None)
