@@ -53,8 +53,8 @@ class ReaderSettings(OneLine):
     Attributes:
         fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared with
             the marks.
-        format: format of the serial, written as for the command (a mask such as AA999999, re:, sets:, vin, check: and so
-            on), or a grammar; None if unknown.
+        format: format of the serial, written as for the command (a mask such as AA999999, re:, sets:, vin, check:),
+            or a grammar; None if unknown.
         accept_risk: greatest share of wrong readings among those accepted (default: 1 in 1,000; a sense that was not
             shown to keep it accepts at the least risk that it keeps).
         region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area

@@ -31,6 +31,7 @@ from recognition.decide.judges.senses import (
     search_stopped,
     senses_disagree,
     senses_together,
+    spots,
 )
 from recognition.decide.judges.strokes import (
     cut_characters,
@@ -47,7 +48,7 @@ JUDGES: tuple[Judge, ...] = (
     other_lines, longer_line, orientation, layout, unread_photograph,
     cut_characters, missing_strokes, undecided_strokes, named_font, guessed_characters,
     accepted_risk, depth_rules,
-    log_of_sense, search_stopped, senses_together, lines_disagree, senses_disagree, code_disagrees,
+    log_of_sense, search_stopped, spots, senses_together, lines_disagree, senses_disagree, code_disagrees,
     low_confidence,
 )  # fmt: skip
 """Rules that a text must keep, family by family."""

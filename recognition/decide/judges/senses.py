@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from recognition.decide.choice import Choice
 from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.fuse_lattices import contradict, lead_nats
+from recognition.decide.judges.words import places_text
 from recognition.decide.reading import Reading
 from recognition.decide.score import log_odds
 from recognition.language.code_text import holds
+from recognition.see.spots import spots_on
 
 
 def log_of_sense(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
@@ -26,6 +30,22 @@ def search_stopped(evidence: Evidence, choice: Choice, settings: DecisionSetting
         whole = (choice.alone[other.source] for other in choice.senses if not other.log.stopped)
         if sense.log.stopped and not any(w.serial_is_sure and w.plain_text == choice.text for w in whole):
             yield Finding(ReadingFlag.SEARCH_STOPPED, f"the search {sense.log.stopped} (allow more time)")
+
+
+def spots(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
+    """Report characters of the photograph on which a glint or a spot lies, unless touch is sure of the text alone."""
+    if evidence.vision is None or evidence.vision.log.photo is None or choice.scored_as == "tactile":
+        return
+    felt, seen = (choice.alone.get(source) for source in ("tactile", "vision"))
+    if felt is not None and felt.serial_is_sure and felt.plain_text == choice.text:
+        return
+    characters = choice.characters if seen is None else seen.characters
+    covered = spots_on(evidence.vision.log.photo, [place.box for place in characters])
+    places = tuple(int(place) + 1 for place in np.flatnonzero(covered))
+    if places:
+        text = "".join(place.char for place in characters)
+        what = f"a glint or a spot lies on {places_text(text, places)} (move the lamp, or clean the part)"
+        yield Finding(ReadingFlag.SPOT, what, places)
 
 
 def senses_together(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:

@@ -150,6 +150,39 @@ def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[Stam
         Reader(limit_s=0.0)
 
 
+@pytest.mark.parametrize("level", [255, 15])
+@pytest.mark.parametrize("place", [1, 3])
+def test_a_spot_on_a_character_keeps_the_part_from_acceptance(
+    reader: Reader, photo: tuple[StampedPart, Photo], level: int, place: int
+) -> None:
+    part, picture = photo
+    x0, y0, x1, y1 = np.divide(part.boxes_mm[place], picture.pitch_mm)
+    centre, axes = (
+        (round(0.5 * (x0 + x1)), round(0.5 * (y0 + y1))),
+        (round(0.3 * (x1 - x0)), round(0.5 * (y1 - y0))),
+    )
+    covered = cv2.ellipse(picture.pixels.copy(), centre, axes, 0.0, 0.0, 360.0, level, -1)
+    reading = reader.read(replace(picture, pixels=covered))
+    assert reading.decision is not Decision.ACCEPT
+    assert [finding.places for finding in reading.findings if finding.flag is ReadingFlag.SPOT] == [
+        (place + 1,)
+    ]
+    assert ReadingFlag.SPOT not in reader.read(picture).flags
+
+
+def test_a_spot_on_the_photograph_is_no_matter_where_touch_is_sure(
+    reader: Reader, photo: tuple[StampedPart, Photo]
+) -> None:
+    part, picture = photo
+    x0, y0, x1, y1 = np.rint(np.divide(part.boxes_mm[3], picture.pitch_mm)).astype(int)
+    pixels = picture.pixels.copy()
+    pixels[y0:y1, x0:x1] = 255
+    felt = reader.read(part.height_map)
+    both = reader.read(part.height_map, replace(picture, pixels=pixels))
+    assert felt.decision is Decision.ACCEPT
+    assert ReadingFlag.SPOT not in both.flags
+
+
 @pytest.mark.parametrize(
     ("level", "noise", "flag"),
     [
