@@ -265,12 +265,18 @@ def part_map(raw: RawMap, settings: MapSettings) -> Surface:
     for pitch in (x_pitch * xy_mm, y_pitch * xy_mm):
         if not (np.isfinite(pitch) and 0.0 < pitch <= MAX_PITCH_MM):
             what = f"has samples {pitch:.4g} mm apart"
-            raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
+            raise DataError(
+                what, f"{_by_unit(settings)}give their distance in mm with --pitch-mm, at most 10"
+            )
     z, pitch_mm = _on_square_grid(z, x_pitch * xy_mm, y_pitch * xy_mm)
     height_map = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
     from recognition.surface import Surface  # slow, and files that cannot be used do not need it
 
     return Surface(height_map, soil, raw.rows_stated or settings.rows is not None)
+
+
+def _by_unit(settings: MapSettings) -> str:
+    return "" if settings.unit is None else f"check --unit {settings.unit}, or "
 
 
 def _fits_better(varying: RawMap, raw: RawMap, pitch: float, settings: MapSettings) -> bool:

@@ -39,7 +39,7 @@ class Summary:
     misfits: Counter[str] = field(default_factory=Counter)  # by how a clear text does not fit the format
     seconds: float = 0.0
     slowest: list[tuple[float, str]] = field(default_factory=list)  # (seconds, part), slowest first
-    unsure: int = 0  # parts whose low score is the only reason against them
+    unsure: int = 0  # parts whose low score is the only reason against them, and enough for a larger risk
 
     def add(self, record: ReadingRecord) -> None:
         self.parts += 1
@@ -53,7 +53,7 @@ class Summary:
         if record.verdict:
             self.verdicts[record.verdict] += 1
         if record.decision != "accept":
-            self.unsure += {reason.code for reason in record.reasons} == {_LOW}
+            self.unsure += _lacks_only_score(record)
             for code in dict.fromkeys(reason.code for reason in record.reasons):
                 _count(self.reasons, _words(code, record.messages))
             for message in record.messages:
@@ -114,6 +114,13 @@ class Summary:
             "seconds": round(self.seconds, 3),
             "slowest": [{"part": part, "seconds": seconds} for seconds, part in self.slowest],
         }
+
+
+def _lacks_only_score(record: ReadingRecord) -> bool:
+    from recognition.decide.score import score_of  # numpy is slow to import
+
+    low = {reason.code for reason in record.reasons} == {_LOW}
+    return low and record.confidence >= score_of(record.source).least_threshold
 
 
 def _words(code: str, messages: Sequence[str]) -> str:

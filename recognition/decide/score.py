@@ -112,6 +112,11 @@ class Score:
         return min((test.threshold for test in self.thresholds if test.risk <= risk), default=None)
 
     @property
+    def least_threshold(self) -> float:
+        """Least score that any tested risk accepts; 1 if none."""
+        return min((test.threshold for test in self.thresholds), default=1.0)
+
+    @property
     def least_risk(self) -> float:
         """Least risk that readings of this source were shown to keep; 1 if none."""
         return min((test.risk for test in self.thresholds), default=1.0)

@@ -53,6 +53,13 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 
 
+def test_a_larger_risk_is_named_only_where_it_accepts_more() -> None:
+    told = counted(*RECORDS).lines(elapsed_s=2.0, read_now=4, workers=2)
+    assert "1 of these lack nothing but a higher score: a larger --accept-risk accepts more" in told
+    hopeless = counted(read("c", "C3", "review", 0.01, "low_confidence"))
+    assert not any("accept-risk" in line for line in hopeless.lines(elapsed_s=2.0, read_now=1, workers=1))
+
+
 @pytest.mark.parametrize(
     ("error", "kind"),
     [
