@@ -92,6 +92,7 @@ class ReadingFlag(Flag):
     LOW_CONFIDENCE = Kind.SCORE, "low confidence"
     CASE_UNKNOWN = Kind.CONTRACT, "a letter may be a lower-case one (set a format)"
     LINE_MISSING = Kind.CONTRACT, "a requested line was not found (check the part)"
+    STRUCK_OUT = Kind.CONTRACT, "a line runs through the serial, as if it were struck out (look at the part)"
     SPOT = Kind.CONTRACT, "a glint or a spot lies on a character (move the lamp, or clean the part)"
     NOT_WHOLE = Kind.CONTRACT, "a character was not felt from edge to edge (scan a longer or wider stretch)"
     TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to distinguish two characters (feel more lines)"

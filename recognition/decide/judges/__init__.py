@@ -15,6 +15,7 @@ from recognition.decide.judges.lines import (
     longer_line,
     orientation,
     other_lines,
+    struck_out,
     unread_photograph,
 )
 from recognition.decide.judges.score import (
@@ -52,7 +53,7 @@ JUDGES: tuple[Judge, ...] = (
     low_confidence,
 )  # fmt: skip
 """Rules that a text must keep, family by family."""
-JUDGES_OF_SURE: tuple[Judge, ...] = (other_texts, too_few_lines, certificate)
+JUDGES_OF_SURE: tuple[Judge, ...] = (other_texts, struck_out, too_few_lines, certificate)
 """Rules for a text that would be sure otherwise, in turn."""
 
 

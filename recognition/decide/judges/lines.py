@@ -19,6 +19,7 @@ from recognition.language.code_text import holds
 from recognition.language.orientation import Way, other_text, readable
 from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 from recognition.see.photo_sizes import shrunk
+from recognition.see.strike_through import strike_through
 
 _SET = {
     Way.UPSIDE_DOWN: "set orientation = upright if parts lie so",
@@ -112,6 +113,19 @@ def _excludes(
 
 def _also_readable(way: Way, text: str) -> Finding:
     return Finding(ReadingFlag.ORIENTATION_UNKNOWN, f"also readable {way}: {text} ({_SET[way]})")
+
+
+def struck_out(
+    evidence: Evidence, choice: Choice, settings: DecisionSettings, *, least: float = 0.35
+) -> Iterator[Finding]:
+    """Report a line through the serial with `least` of the characters' contrast.
+
+    Of 266 lines that were read right on 200 clean and dirty parts one had more than 0.3, of 22 serials that were struck
+    out none less than 0.4.
+    """
+    seen = [(sense.views[0], sense.main) for sense in choice.senses if sense.views and sense.main is not None]
+    if any(strike_through(view, line.line, line.columns) >= least for view, line in seen):
+        yield Finding.of(ReadingFlag.STRUCK_OUT)
 
 
 def layout(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:

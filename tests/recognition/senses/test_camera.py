@@ -150,6 +150,29 @@ def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[Stam
         Reader(limit_s=0.0)
 
 
+@pytest.mark.parametrize("rise", [0.0, 0.2])
+def test_a_serial_that_is_struck_out_is_not_accepted_by_either_sense(
+    reader: Reader, photo: tuple[StampedPart, Photo], rise: float
+) -> None:
+    part, _ = photo
+    surface = part.height_map
+    (x0, y0, _, y1), (_, _, x1, _) = part.boxes_mm[0], part.boxes_mm[-1]
+    y, x = np.indices(surface.shape) * surface.pitch_mm
+    middle = 0.5 * (y0 + y1) + rise * (y1 - y0) * (x - x0) / (x1 - x0)
+    groove = (np.abs(y - middle) < 0.2) & (x > x0 - 1.0) & (x < x1 + 1.0)
+    depth = float(np.abs(surface.z_mm).max())
+    struck = replace(
+        part,
+        height_map=replace(surface, z_mm=np.where(groove, np.minimum(surface.z_mm, -depth), surface.z_mm)),
+    )
+    for data in (struck.height_map, taken(lit(struck, rng=np.random.default_rng(0)), struck)):
+        assert reader.read(data).decision is not Decision.ACCEPT
+    felt = Reader(replace(SETTINGS, accept_risk=0.1)).read(struck.height_map)
+    assert ReadingFlag.STRUCK_OUT in felt.flags
+    for data in photo[0].height_map, photo[1]:
+        assert reader.read(data).decision is Decision.ACCEPT
+
+
 @pytest.mark.parametrize("level", [255, 15])
 @pytest.mark.parametrize("place", [1, 3])
 def test_a_spot_on_a_character_keeps_the_part_from_acceptance(
