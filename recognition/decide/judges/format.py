@@ -54,7 +54,11 @@ def no_characters(evidence: Evidence, choice: Choice, settings: DecisionSettings
     failed = any(finding.flag & flag for finding in choice.sense.log.findings)
     yield from (Finding(flag, text) for text in texts)
     if not texts and not failed:
-        yield Finding.of(flag)
+        yield (
+            Finding(flag, "no characters found in this time")
+            if choice.sense.log.stopped
+            else Finding.of(flag)
+        )
 
 
 def format_not_met(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:

@@ -145,6 +145,7 @@ def test_a_search_that_a_time_limit_cuts_short_is_not_accepted(photo: tuple[Stam
     stopped = Reader(fonts="gothic", format="A9999999", height_mm=5.0, limit_s=1e-6).read(picture)
     assert stopped.text == ""
     assert stopped.flags & ReadingFlag.SEARCH_STOPPED
+    assert "no characters found in this time" in map(str, stopped.findings)
     assert "the search stopped after 1e-06 s (allow more time)" in map(str, stopped.findings)
     with pytest.raises(ValueError, match="a time limit is a positive number of seconds"):
         Reader(limit_s=0.0)
