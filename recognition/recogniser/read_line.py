@@ -48,9 +48,7 @@ class ReadLine:
     lattice: Lattice
     columns: Floats
     evidence: float  # log probability of all that the format allows together; 0 where nothing is known
-    count_probability: (
-        float  # probability that there are so many places; 1 where a format allows no other number
-    )
+    count_probability: float  # probability that there are so many places; 1 where a format fixes the number
     by_expert: Mapping[str, Lattice]
     looks: Sequence[Steps]
     other_ways: Mapping[Way, ReadLine | None] = field(default_factory=lambda: MappingProxyType({}))

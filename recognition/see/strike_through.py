@@ -46,17 +46,17 @@ def strike_through(
     usual = np.median([np.quantile(_columns(far[band], x, 0.3), 0.9) for x in places])
     gaps = 0.5 * (places[:-1] + places[1:])
     profiles = np.array([np.median(_columns(far, x, 0.03), axis=1) for x in gaps])
-    step = int(beside * _ROWS)
-    thick = np.max([profiles[:, 1 + k : profiles.shape[1] - 1 + k] for k in (-1, 0, 1)], axis=0)
-    excess = np.full(profiles.shape, -np.inf)
-    inner = slice(step + 1, profiles.shape[1] - step - 1)
-    excess[:, inner] = thick[:, step : step + inner.stop - inner.start] - np.maximum(
-        profiles[:, 1 : inner.stop - step], profiles[:, inner.start + step : profiles.shape[1] - 1]
-    )
     along = (gaps - gaps.mean()) / max(float(np.ptp(gaps)), 1.0)
     heights, rises = np.arange(-within, within + 0.01, 1.0 / _ROWS), np.arange(-within, within + 0.01, 0.06)
+    step = int(beside * _ROWS)
     rows = np.rint(middle + _ROWS * (heights[:, None, None] + rises[:, None] * along)).astype(np.intp)
-    crossed = excess[np.arange(gaps.size), np.clip(rows, 0, profiles.shape[1] - 1)]
+    rows = np.clip(rows, step, profiles.shape[1] - step - 1)
+
+    def at(shift: int) -> NDArray[np.float32]:
+        return np.asarray(profiles[np.arange(gaps.size), rows + shift])
+
+    # (heights, rises, gaps)
+    crossed = np.max([at(-1), at(0), at(1)], axis=0) - np.maximum(at(-step), at(step))
     share = np.quantile(crossed, most_gaps_without, axis=-1, method="lower").max()
     return max(float(share / max(float(usual), 1e-6)), 0.0)
 
