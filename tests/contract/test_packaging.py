@@ -132,8 +132,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     commit(base / "tree")
     environment = backend(base / "backend")
     sdist = built("build_sdist", base / "tree", base / "sdist", environment)
+    safely = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # from Python 3.11.4 on
     with tarfile.open(sdist) as archive:
-        archive.extractall(base, filter="data")
+        archive.extractall(base, **safely)
     wheel = built("build_wheel", base / sdist.name.removesuffix(".tar.gz"), base / "wheel", environment)
 
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", base / "env"], check=True)
