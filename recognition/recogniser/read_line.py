@@ -83,7 +83,7 @@ class ReadLine:
         """Log probability of all texts that a grammar allows; 0 without a grammar, -inf without room."""
         if grammar is None:
             return 0.0
-        return max(map(_evidence, _by_count(self.looks, grammar, alike).values()), default=-math.inf)
+        return max((log for log, _ in _by_count(self.looks, grammar, alike).values()), default=-math.inf)
 
     def least_read(self) -> int:
         """Place with the least probability of any known character: another sign may stand there."""
@@ -155,23 +155,27 @@ def _by_count(
     *,
     most_lengths: int = 6,
     least_share: float = 0.05,
-) -> Mapping[int, Posteriors]:
-    """Posteriors for each number of characters that the format allows, or that is likely where any is allowed."""
+) -> Mapping[int, tuple[float, Posteriors]]:
+    """Log probability and posteriors of each number of characters that the format allows, or that is likely.
+
+    Without a format the probability is that of all numbers, with one it is the evidence of the number's texts.
+    """
     lengths = None if grammar is None else grammar.lengths()
-    if lengths is None or len(lengths) > most_lengths:
-        counts = _log_counts(looks)
-        if lengths is None:
-            likely = np.flatnonzero(counts > counts.max() + math.log(least_share))
-            lengths = frozenset(max(int(n), 1) for n in likely)
+    counts = _log_counts(looks) if lengths is None or len(lengths) > most_lengths else np.zeros(0)
+    if lengths is None:
+        likely = np.flatnonzero(counts > counts.max() + math.log(least_share))
+        lengths = frozenset(max(int(n), 1) for n in likely)
+    if counts.size:
         usual = int(np.argmax(counts))
         lengths = frozenset(sorted(lengths, key=lambda n: abs(n - usual))[:most_lengths])
     if grammar is None:
-        return {n: _posteriors(looks, (looks[0].chars,) * n) for n in lengths}
-    return {
+        return {n: (float(counts[n]), _posteriors(looks, (looks[0].chars,) * n)) for n in lengths}
+    by_length = {
         n: _posteriors(looks, [chars + "".join(a for a in alike if set(a) & set(chars)) for chars in allowed])
         for n in lengths
         if (allowed := grammar.places(n))
     }
+    return {n: (_evidence(posteriors), posteriors) for n, posteriors in by_length.items()}
 
 
 def _log_counts(looks: Sequence[Steps], *, most_looks: int = 3) -> Floats:
@@ -188,25 +192,21 @@ def _likeliest_count(looks: Sequence[Steps], grammar: Grammar | None) -> tuple[P
     Dirt in a gap may be any character: together all texts with it are likelier than the text without, none by itself.
     """
     by_count = _by_count(looks, grammar)
-    if not by_count:
+    total = 0.0 if grammar is None else np.logaddexp.reduce([log for log, _ in by_count.values()])
+    if not np.isfinite(total):
         return [None] * len(looks), 0.0
-    if grammar is None:
-        counts = _log_counts(looks)
-        logs = {n: float(counts[n]) for n in by_count}
-    else:
-        logs = {n: _evidence(posteriors) for n, posteriors in by_count.items()}
-        if math.isfinite(total := float(np.logaddexp.reduce(list(logs.values())))):
-            logs = {n: log - total for n, log in logs.items()}
 
     def log_text(n: int) -> float:
-        if (averaged := _lattice(looks, by_count[n])) is None:
+        log, posteriors = by_count[n]
+        if (averaged := _lattice(looks, posteriors)) is None:
             return -math.inf
-        log = averaged[0].log_belief
+        belief = averaged[0].log_belief
         # that a place may be none is in the probability of the number already
-        return logs[n] + float((log.max(axis=1) - np.logaddexp.reduce(log, axis=1)).sum())
+        return log + float((belief.max(axis=1) - np.logaddexp.reduce(belief, axis=1)).sum())
 
     likeliest = max(by_count, key=log_text) if len(by_count) > 1 else next(iter(by_count))
-    return by_count[likeliest], math.exp(logs[likeliest])
+    log, posteriors = by_count[likeliest]
+    return posteriors, float(np.exp(log - total))
 
 
 def with_slip(lattice: Lattice, *, slip: float = 1e-4) -> Lattice:

@@ -1,8 +1,10 @@
 """A line through the serial, as one strikes out what no longer counts: it crosses the gaps between the characters, too.
 
-     _   _            _   _
-|_/ | | | |      ----|_/-| |-| |----        in every gap, at one height: mark where there is land above and below
-| \\ |_| |_|          | \\ |_| |_|
+    |  /   ---      -|--/---/---\\--
+    | /     /        | /     /         in every gap, at one height: mark where there is land above and below
+    |/     /         |/     /
+
+What crosses only characters is no such line.
 """
 
 from __future__ import annotations
