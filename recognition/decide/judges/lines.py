@@ -116,16 +116,23 @@ def _also_readable(way: Way, text: str) -> Finding:
 
 
 def struck_out(
-    evidence: Evidence, choice: Choice, settings: DecisionSettings, *, least: float = 0.35
+    evidence: Evidence,
+    choice: Choice,
+    settings: DecisionSettings,
+    *,
+    least_felt: float = 0.35,
+    least_seen: float = 0.7,
 ) -> Iterator[Finding]:
-    """Report a line through the serial with `least` of the characters' contrast.
+    """Report a line through the serial with some share of the characters' contrast, by touch or by camera.
 
-    Of 266 lines that were read right on 200 clean and dirty parts one had more than 0.3, of 24 serials that were struck
-    out none less than 0.4.
+    Of 168 felt lines that were read right one had 0.2 and more, of 13 that were struck out none less than 0.44. Ink is
+    seen best: 11 had 0.94 and more, and a photograph of coarse land without a line 0.5.
     """
-    seen = [(sense.views[0], sense.main) for sense in choice.senses if sense.views and sense.main is not None]
-    if any(strike_through(view, line.line, line.columns) >= least for view, line in seen):
-        yield Finding.of(ReadingFlag.STRUCK_OUT)
+    for sense in choice.senses:
+        least, line = least_seen if sense.source == "vision" else least_felt, sense.main
+        if line is not None and strike_through(sense.views[0], line.line, line.columns) >= least:
+            yield Finding.of(ReadingFlag.STRUCK_OUT)
+            return
 
 
 def layout(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
