@@ -129,8 +129,11 @@ def struck_out(
     seen best: 11 lines of it had 0.94 and more, 208 photographs without such a line 0.52 at most.
     """
     for sense in choice.senses:
-        least, line = least_seen if sense.source == "vision" else least_felt, sense.main
-        if line is not None and strike_through(sense.views[0], line.line, line.columns) >= least:
+        line = sense.main
+        if not sense.views or line is None:
+            continue
+        least = least_seen if sense.source == "vision" else least_felt
+        if strike_through(sense.views[0], line.line, line.columns) >= least:
             yield Finding.of(ReadingFlag.STRUCK_OUT)
             return
 
