@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.exit_status import FAILED, UsageError
-from pipeline.cli.shared import Flag, SensorsName
+from pipeline.cli.shared import Flag, SensorsName, Speed
 from pipeline.common.settings import ReadSettings
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def demo(
     *,
     sensors: SensorsName = "real",
     whisker: Path | None = None,
+    speed_mm_s: Speed = None,
     service: Flag = False,
     stay: Flag = False,
 ) -> int:
@@ -42,6 +43,7 @@ def demo(
         out: Folder for plates, recordings and overview.png.
         sensors: Sensors and stage: real, or ideal.
         whisker: Whisker file to scan with (default: a whisker for the character height).
+        speed_mm_s: Speed of the stage, mm/s (default: the whisker file's, or 10 heights a second up to 50 mm/s).
         service: Show the service instead: its camera photographs dirty parts, and its stage scans those that the camera
             is unsure of. The exit status is then 1 if it accepted a wrong serial.
         stay: With --service: keep it running until Ctrl-C, so that you can see the operator's page.
@@ -51,7 +53,7 @@ def demo(
     from pipeline.common.output_paths import make_folder
 
     make_folder(out)
-    settings = ReadSettings(sensors=sensors, whisker=whisker)
+    settings = ReadSettings(sensors=sensors, whisker=whisker, speed_mm_s=speed_mm_s)
     return _serve(out, settings, stay=stay) if service else _read(out, settings)
 
 
@@ -127,6 +129,8 @@ def _serve(out: Path, settings: ReadSettings, *, stay: bool) -> int:
     }  # fmt: skip
     if settings.whisker is not None:
         reading["whisker"] = str(settings.whisker.absolute())
+    if settings.speed_mm_s is not None:
+        reading["speed_mm_s"] = settings.speed_mm_s
     config = out / "service.toml"
     write_text(config, toml_text(reading))
     options = ("--config", str(config), "--stage.device", str(folder), "--camera.device", str(folder))

@@ -185,10 +185,11 @@ def _file(built: Design) -> WhiskerFile:
 
     whisker, (least, most) = built.whisker, built.request.mu
     friction = min(max(NOMINAL_FRICTION, least), most)
-    tip, words = whisker.tip_model(), whisker.describe()
     return WhiskerFile(
         whisker=whisker,
-        touch=Touch(tip, built.preload_mm, built.request.tip_radius_mm, friction, words),
+        touch=Touch.of(
+            whisker, preload_mm=built.preload_mm, tip_radius_mm=built.request.tip_radius_mm, friction=friction
+        ),
         character_height_mm=built.request.character_height_mm,
         line_pitch_mm=built.request.line_pitch_mm,
         sample_pitch_mm=built.request.sample_pitch_mm,

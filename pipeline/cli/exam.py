@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
-from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive, SensorsName
+from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive, SensorsName, Speed
 from pipeline.common.settings import SettingsError
 from pipeline.common.texts import first_of, split_commas
 
@@ -44,7 +44,8 @@ def run(
     ablate: str = "",
     fidelity: FidelityName = "contact",
     sensors: SensorsName = "real",
-    whisker: Path | None = None,
+    whisker: Annotated[list[Path] | None, Parameter(negative="", consume_multiple=True)] = None,
+    speed_mm_s: Speed = None,
     accept_risk: str = "1 in 100",
     certificate: Path | None = None,
     cluster: str | None = None,
@@ -91,7 +92,10 @@ def run(
             contracts and terms of the score; a wrong name lists them. Nothing is read again.
         fidelity: Simulation of touch.
         sensors: Simulated sensors and stage that feel the parts: real (with the errors of scan) or ideal.
-        whisker: Whisker file to feel with, as from design --out (default: a whisker for the character height).
+        whisker: Whisker files to feel with, as from design --out (default: a whisker for the character height). The
+            modes read with the first; tactile and fused also with each of the others, as "tactile with long.toml".
+        speed_mm_s: Speed of the simulated stage, mm/s (default: the whisker file's, or 10 heights a second up to 50
+            mm/s).
         accept_risk: Greatest share of wrong readings among those that our readers accept: 0.001, 1/1000 or "1 in 1000".
         certificate: Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that
             it does not cover, and the report says where the parts are unlike the certified ones.
@@ -102,9 +106,9 @@ def run(
     from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.cli.shared import print_document
-    from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.certificate import valid_certificate
     from pipeline.reading.perturbation import PERTURBATIONS
+    from pipeline.reading.readers import with_whisker_file
     from recognition.decide.risk_text import parse_risk
     from recognition.language.orientation import Orientation
     from recognition.see.virtual_array import VirtualArray
@@ -123,10 +127,13 @@ def run(
         risk = parse_risk(accept_risk)
     except ValueError as error:
         raise SettingsError(f"--accept-risk is {accept_risk!r}: {error}") from error
-    touch = None if whisker is None else read_whisker_file(whisker).touch
+    felt_with = whisker or []
+    array = VirtualArray(sensors=Sensors(sensors), fidelity=Fidelity(fidelity), speed_mm_s=speed_mm_s)
+    if felt_with:
+        array = with_whisker_file(array, felt_with[0])
     try:
         reading = ReaderSettings(
-            array=VirtualArray(touch, Sensors(sensors), Fidelity(fidelity)),
+            array=array,
             accept_risk=risk,
             orientation=orientation,
             experts=split_commas(experts),
@@ -139,7 +146,9 @@ def run(
         reading = replace(reading, fonts=split_commas(font or ""))
     tried = Benchmark(
         source,
-        expand_groups(split_commas(mode), ablate=split_commas(ablate)),
+        expand_groups(
+            split_commas(mode), ablate=split_commas(ablate), whiskers=tuple(map(str, felt_with[1:]))
+        ),
         reading,
         PERTURBATIONS if perturb else (),
     )

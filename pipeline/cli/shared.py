@@ -23,6 +23,7 @@ FidelityName = Literal["pointwise", "contact"]
 SensorsName = Literal["real", "ideal"]
 Flag = Annotated[bool, Parameter(negative="")]  # without a negative form (default: off)
 Positive = Annotated[int | None, Parameter(validator=Number(gte=1))]
+Speed = Annotated[float | None, Parameter(validator=Number(gt=0, lte=1000))]
 Jobs = Annotated[int, Parameter(validator=Number(gte=1))]
 
 

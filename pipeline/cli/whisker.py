@@ -12,7 +12,7 @@ from cyclopts.validators import Number
 
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.settings import MAPS, Maps
-from pipeline.cli.shared import FidelityName, Flag, SensorsName, write_picture
+from pipeline.cli.shared import FidelityName, Flag, SensorsName, Speed, write_picture
 from pipeline.common.output_paths import PICTURES, check_writable
 from pipeline.formats.kinds import SCAN_SUFFIXES
 
@@ -32,6 +32,7 @@ def scan(
     sensors: SensorsName = "real",
     seed: int = 0,
     whisker: Path | None = None,
+    speed_mm_s: Speed = None,
     friction: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None,
     profilers: bool = False,
     two_way: bool = False,
@@ -49,10 +50,11 @@ def scan(
         height_mm: Character height in mm, which sets the scale of array and raster (default: measured, which takes as
             long as reading the part).
         fidelity: Simulation of touch.
-        sensors: Sensors and stage: real (gains, offsets, noise, drift, vibration, 16 bits, play and position errors),
-            or ideal.
+        sensors: Sensors and stage: real (gains, offsets, noise, drift, vibration, 16 bits, play and position errors,
+            whiskers that ring at its speed), or ideal.
         seed: Random seed of the sensors: the same seed gives the same scan.
         whisker: Whisker file to scan with, as from `design --out` (default: a whisker for the character height).
+        speed_mm_s: Speed of the stage, mm/s (default: the whisker file's, or 10 heights a second up to 50 mm/s).
         friction: True friction of the part, 0 to 1 (default: the file's, or the whisker's nominal one).
         profilers: Add a second row of whiskers that measures the profile; it separates slopes from heights.
         two_way: Scan every pass again on the way back, with the whiskers pushed; this measures friction.
@@ -86,18 +88,19 @@ def scan(
     surface, soil = top.height_map, top.soil
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
-    array = VirtualArray(built.touch if built else None, Sensors(sensors), Fidelity(fidelity), seed)
+    array = VirtualArray(
+        built.touch if built else None, Sensors(sensors), Fidelity(fidelity), seed,
+        speed_mm_s=speed_mm_s or (built.speed_mm_s if built else None),
+    )  # fmt: skip
     bench = VirtualBench(surface, height, array, soil, friction, height_map.stem).mounted()
     if active:
         return scan_actively(bench.open_session(), out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)
     plan = default_plan(
-        region, character_height_mm=height, kinds=2 if profilers else 1, two_way=two_way,
+        region, character_height_mm=height, speed_mm_s=array.speed_mm_s, kinds=2 if profilers else 1, two_way=two_way,
         lines_per_height=PIECE_LINES if piece else LINES_PER_HEIGHT,
     )  # fmt: skip
     plan = replace(plan, each_whisker=piece)
-    if built is not None:
-        plan = replace(plan, speed_mm_s=built.speed_mm_s)
     print(_describe_plan(plan))
     shape, touch = built.whisker if built else default_whisker(height), array.touch(height)
     mu = touch.friction if friction is None else friction

@@ -337,10 +337,12 @@ class ReadSettings(MapSettings, PartSettings):
     """Simulation of touch: the ball of the tip in contact, or a point (faster, less accurate)."""
     sensors: Literal["real", "ideal"] = "real"
     """Simulated sensors and stage that feel height maps: real (gains, offsets, noise, drift, vibration, 16 bits, errors
-    of position) or ideal."""
+    of position, ringing) or ideal."""
     whisker: Path | None = None
     """Whisker file with which height maps are felt, as from design --out (default: a whisker for the character
     height)."""
+    speed_mm_s: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
+    """Speed of the simulated stage, mm/s (default: the whisker file's, or 10 heights a second up to 50 mm/s)."""
     depth_rule: Annotated[Names, AfterValidator(_few), _where_given(_rules)] = ()
     """Rule for depth, burr and size of the marks; may be repeated. 27CFR478.92, CONTRAN24/98, MIL-STD-792, 70-16-05,
     or one of your own in mm, NAME=LEAST:MOST@HEIGHTS, such as "press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05

@@ -134,9 +134,7 @@ def _built(written: _L | _Straight) -> WhiskerFile:
         if isinstance(written, _Straight)
         else LShaped(written.l1_mm, written.l2_mm, written.l3_mm, *shape)
     )
-    touch = Touch(
-        whisker.tip_model(), written.preload_mm, written.tip_radius_mm, written.friction, whisker.describe()
-    )
+    touch = Touch.of(whisker, **written.model_dump(include={"preload_mm", "tip_radius_mm", "friction"}))
     row = touch.tip.compliance_mm_per_n[1]
     if not row[1] - touch.friction * row[0] > 0.0:
         raise DataError("describes a whisker that jams on the land", "take another setting angle")

@@ -5,6 +5,7 @@ a worker's is limited."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,13 +76,25 @@ def open_reader(settings: ReadSettings) -> Reader:
 
 def virtual_array(settings: ReadSettings) -> VirtualArray:
     """The array that feels height maps. Raises FileError: the whisker's file cannot be used."""
-    from pipeline.formats.whisker_file import read_whisker_file
     from recognition.see.virtual_array import VirtualArray
     from whisker_array.scan.sensor import Sensors
     from whisker_array.simulation.traces import Fidelity
 
-    whisker = None if settings.whisker is None else read_whisker_file(settings.whisker).touch
-    return VirtualArray(whisker, Sensors(settings.sensors), Fidelity(settings.fidelity))
+    usual = VirtualArray(
+        sensors=Sensors(settings.sensors),
+        fidelity=Fidelity(settings.fidelity),
+        speed_mm_s=settings.speed_mm_s,
+    )
+    return usual if settings.whisker is None else with_whisker_file(usual, settings.whisker)
+
+
+def with_whisker_file(array: VirtualArray, path: Path) -> VirtualArray:
+    """The array with the whisker of a file, and its speed if the array has none. Raises FileError: the file cannot be
+    used."""
+    from pipeline.formats.whisker_file import read_whisker_file
+
+    built = read_whisker_file(path)
+    return replace(array, whisker=built.touch, speed_mm_s=array.speed_mm_s or built.speed_mm_s)
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:

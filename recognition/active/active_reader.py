@@ -34,7 +34,7 @@ from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession, gather_sweeps
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
-from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
+from whisker_array.whisker.array import LINES_PER_HEIGHT
 
 MARGIN_HEIGHTS = (0.8, 0.5)
 """Margin of land to feel around a found line, along it and across it, character heights."""
@@ -272,7 +272,7 @@ def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:
         sweeps=gather_sweeps(felt),
         touch=fitting.touch,
         line_pitch_mm=line_pitch_mm,
-        sample_rate_hz=SAFE_SPEED_MM_S / line_pitch_mm,
+        sample_rate_hz=fitting.speed_mm_s / line_pitch_mm,
         calibration=fitting.calibration,
         part_id=fitting.part_id,
         fidelity=fitting.fidelity,

@@ -20,7 +20,7 @@ from typing import Self
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.scan.session import Fitting
-from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.passes import Pass
 
 Region = tuple[float, float, float, float]
@@ -131,7 +131,7 @@ def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) ->
             ),
             along_mm=(begin, along[1]),
             sample_pitch_mm=step_mm,
-            speed_mm_s=SAFE_SPEED_MM_S,
+            speed_mm_s=fitting.speed_mm_s,
             lead_mm=LEAD_HEIGHTS * height,
             offset_mm=array.offset_mm if array.stagger_mm > 0.0 else (),
         )

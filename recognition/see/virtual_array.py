@@ -20,8 +20,8 @@ class VirtualArray:
     """Whiskers, sensors and stage that feel a height map."""
 
     whisker: Touch | None = None
-    # real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, and a stage
-    # with play and position errors; ideal: none of these
+    # real: gains, offsets, noise, drift and vibration as `draw_sensor_chain` draws them, 16 bits, a stage with play and
+    # position errors, and whiskers that ring at its speed; ideal: none of these
     sensors: Sensors = Sensors.REAL
     fidelity: Fidelity = Fidelity.CONTACT
     # seed of sensors, noise and stage. It is the same for all parts, as they are felt by the same array: a
@@ -30,6 +30,8 @@ class VirtualArray:
     noise_seed: int | None = None
     # range of the converter in moments on the land; on edges it is up to twice that moment
     range_land_moments: float = 3.0
+    # speed of the stage (default: that of the plan)
+    speed_mm_s: float | None = None
 
     __repr__ = one_line
 
@@ -48,7 +50,7 @@ class VirtualArray:
         )
         stage = draw_stage_play(rng=rng.spawn(1)[0])
         noise = rng if self.noise_seed is None else np.random.default_rng(self.noise_seed)
-        return {"fidelity": self.fidelity, "sensor": chain, "stage": stage, "rng": noise}
+        return {"fidelity": self.fidelity, "sensor": chain, "stage": stage, "at_speed": True, "rng": noise}
 
 
 USUAL_ARRAY = VirtualArray()

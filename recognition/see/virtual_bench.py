@@ -17,7 +17,7 @@ from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
 from whisker_array.scan.mounting import VirtualBench as BenchOptions
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
-from whisker_array.whisker.array import RasterPlan, default_plan
+from whisker_array.whisker.array import SAFE_SPEED_MM_S, RasterPlan, default_plan
 from whisker_array.whisker.touch import Touch, profiling_touch
 
 
@@ -42,7 +42,8 @@ class VirtualBench:
     @property
     def whole(self) -> RasterPlan:
         """The default plan of the whole part."""
-        return default_plan((0.0, 0.0, *self.height_map.size_mm), character_height_mm=self.height_mm)
+        region = (0.0, 0.0, *self.height_map.size_mm)
+        return default_plan(region, character_height_mm=self.height_mm, speed_mm_s=self.array.speed_mm_s)
 
     def scan(self, plan: RasterPlan | None = None) -> Scan:
         """Simulate a scan of the whole part or by a plan; a second kind of whiskers are profilers. Raises MapError."""
@@ -72,6 +73,7 @@ class VirtualBench:
             sample_pitch_mm=usual.sample_pitch_mm,
             calibration=known,
             part_id=self.part_id,
+            speed_mm_s=self.array.speed_mm_s or SAFE_SPEED_MM_S,
             **options,
         )
 

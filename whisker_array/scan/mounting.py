@@ -37,6 +37,7 @@ class VirtualBench(TypedDict, total=False):
     soil: Soil | None
     sensor: SensorChain | None
     stage: StagePlay | None
+    at_speed: bool
     rng: np.random.Generator | None
 
 
@@ -58,6 +59,7 @@ class Mounted:
         fidelity: Fidelity = Fidelity.CONTACT,
         sensor: SensorChain | None = None,
         stage: StagePlay | None = None,
+        at_speed: bool = False,
         rng: np.random.Generator | None = None,
     ) -> None:
         if rng is None and (sensor is not None or stage is not None):
@@ -89,7 +91,8 @@ class Mounted:
         }
         self._surface = cache(lambda radius, direction: orient(surfaces[radius], direction))
         self.origin_mm, self.size_mm = -pad * height_map.pitch_mm, height_map.size_mm
-        self.touches, self.fidelity, self.sensor, self.stage, self.rng = touches, fidelity, sensor, stage, rng
+        self.touches, self.fidelity, self.sensor, self.stage = touches, fidelity, sensor, stage
+        self.at_speed, self.rng = at_speed, rng
         # zeros of the whiskers, which drift
         self.drift_n_mm = np.zeros(0 if sensor is None else sensor.n_whiskers)
 
@@ -123,6 +126,7 @@ class Mounted:
                 origin_mm=self.origin_mm,
                 size_mm=self.size_mm,
                 commanded=commanded,
+                sample_rate_hz=sample_rate_hz if self.at_speed else None,
             )
             moment, flags = traces.moment_n_mm, traces.flags
             if stage is not None:

@@ -19,6 +19,7 @@ from glyphs.surface.display import OneLine
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
@@ -28,7 +29,7 @@ Part = TypeVar("Part", contravariant=True)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fitting(OneLine):
-    """Whiskers mounted on a stage, which reach (x0, y0, x1, y1) of the plate, and their calibration."""
+    """Whiskers mounted on a stage, which reach (x0, y0, x1, y1) of the plate, their calibration, and their speed."""
 
     touch: Touch
     array: WhiskerArray
@@ -37,6 +38,7 @@ class Fitting(OneLine):
     calibration: Calibration | None = None
     fidelity: str = "measured"
     part_id: str = ""
+    speed_mm_s: float = SAFE_SPEED_MM_S
 
 
 class StageSession(Protocol):

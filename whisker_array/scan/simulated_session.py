@@ -14,6 +14,7 @@ from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
+from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.comb import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
@@ -50,6 +51,7 @@ class SimulatedSession:
         sample_pitch_mm: float,
         calibration: Calibration | None = None,
         part_id: str = "",
+        speed_mm_s: float = SAFE_SPEED_MM_S,
         **bench: Unpack[VirtualBench],
     ) -> None:
         part = Mounted(
@@ -70,6 +72,7 @@ class SimulatedSession:
             calibration=calibration,
             fidelity=part.fidelity.value,
             part_id=part_id,
+            speed_mm_s=speed_mm_s,
         )
         self.felt_s = 0.0
         self._part: Mounted | None = part

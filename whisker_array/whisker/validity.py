@@ -82,16 +82,18 @@ def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
     return LumpedWhisker(joints, mass[1:], strain.reshape(6 * n, 3 * n))
 
 
-def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, parts: int = 24) -> float:
-    """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5; rotary inertia is left out.
+def first_bending_frequency_hz(
+    whisker: Whisker, *, tip_held: bool = False, in_plane: bool = False, parts: int = 24
+) -> float:
+    """Lowest natural frequency of the whisker, Hz, for Assumption 5; rotary inertia is left out.
 
     Mass is lumped at the joints of `parts` pieces per segment: a straight whisker is within 0.2 % of 3.516 / (2 pi l^2)
     sqrt(EI / rho A). `tip_held`: contact keeps the tip at its height, as while tracing (Assumption 3). The up-and-down
     frequency of a straight whisker is then 4.4 times higher; its sideways frequency, the lowest of round wire, does not
-    change.
+    change, and counts unless only the plane of tracing is asked for (`in_plane`).
     """
     lumped = lumped_whisker(whisker, parts=parts)
-    weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)
+    weighted = lumped.strain * np.outer(np.sqrt(lumped.mass_t), [1.0, 1.0, not in_plane]).ravel()
     if tip_held:
         reaction = lumped.strain[:, -2]
         weighted -= np.outer(reaction, reaction @ weighted) / (reaction @ reaction)

@@ -2,10 +2,11 @@
 
     tactile, vision, lights, fused     readings of our own
     MODE without RULE                  the same, decided without one contract or term of the score
+    MODE with WHISKER                  the same, felt with another whisker (tactile and fused)
     SENSE EXPERT                       the same, from the lattice of one expert alone
     ENGINE PICTURE, PLAN LEVEL, module:function
 
-The second and third read nothing again: line, places and the charged time are those of the full reading.
+The second and fourth read nothing again: line, places and the charged time are those of the full reading.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.own_reader import own_mode
 from pipeline.benchmark.readers.peers import open_peer
 from pipeline.benchmark.readers.plans import PLANS, TouchPlan, plan_mode
 from pipeline.common.settings import SettingsError
+from pipeline.reading.readers import with_whisker_file
 from recognition.decide.decide import decide
 from recognition.decide.decision import BROKEN, MEASURE_FLAGS, ReadingFlag
 from recognition.decide.evidence import Evidence, Log, SenseEvidence
@@ -38,6 +42,8 @@ PEERS = tuple(
 )
 # between a mode and the decision rule that it leaves out
 WITHOUT = " without "
+# between a mode and the file of the other whisker
+WITH = " with "
 
 
 def rules() -> dict[str, ReadingFlag | Measure]:
@@ -81,6 +87,11 @@ def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(mode for mode in EXPERTS if mode.split()[0] in senses)
 
 
+def whiskers_in(modes: tuple[str, ...]) -> tuple[Path, ...]:
+    """Files of the other whiskers that these modes feel with."""
+    return tuple(dict.fromkeys(Path(path) for mode in modes if (path := mode.partition(WITH)[2])))
+
+
 def _sense(uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading], reader: Reader) -> Mode:
     if "touch" in uses:
         _ = reader.touch  # refuse invalid settings before anything is read
@@ -103,14 +114,34 @@ MODES: dict[str, Callable[[Reader], Mode]] = {
 }
 
 
-def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
+def _felt_with(whole: str, path: Path, reader: Reader) -> Mode:
+    settings = reader.settings
+    other = Reader(replace(settings, array=with_whisker_file(settings.array, path)))
+    _ = other.touch  # refuse invalid settings before anything is read
+
+    def read(senses: PartReadings) -> tuple[Reading, dict[str, Any]]:
+        felt = PartReadings(senses.specimen, other)
+        reading = felt.touch if whole == "tactile" else other.fuse(felt.touch, senses.vision)
+        return reading, {"scan_s": round(felt.scan_s, 3)}
+
+    return Mode(("vision",) if whole == "fused" else (), read)
+
+
+_FELT = ("tactile", "fused")  # modes that other whiskers can feel for
+
+
+def expand_groups(
+    named: tuple[str, ...], *, ablate: tuple[str, ...] = (), whiskers: tuple[str, ...] = ()
+) -> tuple[str, ...]:
     """Replace the groups experts (of the other modes), peers, and plans (of touch) among the names of modes. Each
-    built-in mode is also decided without each of the rules `ablate`."""
+    built-in mode is also decided without each of the rules `ablate`, and modes of touch read with each of the files
+    `whiskers`."""
     groups = {"experts": experts_in(named), "peers": PEERS, "plans": tuple(p.mode for p in PLANS)}
     single = tuple(name for name in named if name not in groups)
     more = dict.fromkeys(mode for name in named for mode in groups.get(name, ()))
     less = tuple(f"{mode}{WITHOUT}{rule}" for rule in ablate for mode in single if mode in MODES)
-    return (*single, *(mode for mode in more if mode not in single), *less)
+    other = tuple(f"{mode}{WITH}{path}" for path in whiskers for mode in single if mode in _FELT)
+    return (*single, *(mode for mode in more if mode not in single), *less, *other)
 
 
 def open_mode(name: str, reader: Reader) -> Mode:
@@ -121,6 +152,9 @@ def open_mode(name: str, reader: Reader) -> Mode:
     whole, _, rule = name.partition(WITHOUT)
     if rule and whole in MODES:
         return _change_reading(whole, leave_out(rule, reader.settings), reader)
+    whole, _, path = name.partition(WITH)
+    if path and whole in _FELT:
+        return _felt_with(whole, Path(path), reader)
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
     if name in EXPERTS:

@@ -56,8 +56,10 @@ def write_report(
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
     array = benchmark.reading.array
-    touch = f"{array.sensors.value} sensors" + (f", {array.whisker.whisker}" if array.whisker else "")
-    document = document_of(statistics, drift, touch=touch)
+    felt = [f"{array.sensors.value} sensors"]
+    felt += [array.whisker.whisker] if array.whisker else []
+    felt += [f"{array.speed_mm_s:g} mm/s"] if array.speed_mm_s else []
+    document = document_of(statistics, drift, touch=", ".join(felt))
     values = _values(benchmark, trials, statistics) | {
         "worst": worst,
         "certificate": certificate,

@@ -18,10 +18,10 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item, Parts
 from pipeline.benchmark.readers.mode import Mode, PartReadings
-from pipeline.benchmark.readers.modes import MODES, open_mode
+from pipeline.benchmark.readers.modes import MODES, open_mode, whiskers_in
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
-from pipeline.common.version import program_mark
+from pipeline.common.version import file_sha256, program_mark
 from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
 from pipeline.runs.progress import Progress
@@ -68,11 +68,13 @@ class Benchmark:
                 "fidelity": reading.array.fidelity.value,
                 "sensors": reading.array.sensors.value,
                 **({} if reading.array.whisker is None else {"whisker": reading.array.whisker.whisker}),
+                **({} if reading.array.speed_mm_s is None else {"speed_mm_s": reading.array.speed_mm_s}),
                 "orientation": reading.orientation.value,
                 "accept_risk": reading.accept_risk,
                 **({"experts": list(reading.experts)} if reading.experts else {}),
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
+            **{str(path): file_sha256(path) for path in whiskers_in(self.modes)},
             "scores": json.loads(FITTED.read_text(encoding="utf-8"))["scores"],
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
@@ -218,7 +220,11 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
     settings = ReaderSettings(
         fonts=tuple(reading["fonts"]),
         format=reading["format"],
-        array=VirtualArray(sensors=Sensors(reading["sensors"]), fidelity=Fidelity(reading["fidelity"])),
+        array=VirtualArray(
+            sensors=Sensors(reading["sensors"]),
+            fidelity=Fidelity(reading["fidelity"]),
+            speed_mm_s=reading.get("speed_mm_s"),
+        ),
         orientation=Orientation(reading["orientation"]),
         accept_risk=reading["accept_risk"],
     )
