@@ -326,12 +326,12 @@ class _Stage:
     rings_from: int
 
 
-def _groove(
-    height_mm: float, *, tip_radius_mm: float, bevel_rad: float
+def groove(
+    height_mm: float, *, tip_radius_mm: float, bevel_rad: float, stroke_heights: float = STROKE_HEIGHTS
 ) -> tuple[NDArray[np.float32], float, int]:
     """Heights of the dilated groove, their pitch, and the sample from which ringing is measured."""
     step = height_mm / (LINES_PER_HEIGHT * _STEPS_A_PITCH)
-    depth, stroke = DEPTH_HEIGHTS * height_mm, STROKE_HEIGHTS * height_mm
+    depth, stroke = DEPTH_HEIGHTS * height_mm, stroke_heights * height_mm
     wide = stroke + 2.0 * depth / math.tan(bevel_rad)
     x = np.arange(0.0, (_BEFORE_HEIGHTS + _BEHIND_HEIGHTS) * height_mm + wide, step)
     middle = _BEFORE_HEIGHTS * height_mm + 0.5 * wide
@@ -343,10 +343,14 @@ def _groove(
 
 
 @lru_cache(maxsize=8)
-def _stage(whisker: Whisker, touch: Touch, character_height_mm: float, bevel_rad: float) -> _Stage:
+def _stage(
+    whisker: Whisker, touch: Touch, character_height_mm: float, bevel_rad: float, stroke_heights: float
+) -> _Stage:
     ball, preload = touch.tip_radius_mm, touch.preload_mm
     force = float(land_force_n(whisker, preload_mm=preload, mu=touch.friction)[1])
-    heights, step, rings_from = _groove(character_height_mm, tip_radius_mm=ball, bevel_rad=bevel_rad)
+    heights, step, rings_from = groove(
+        character_height_mm, tip_radius_mm=ball, bevel_rad=bevel_rad, stroke_heights=stroke_heights
+    )
     trace = partial(
         trace_dynamic, heights, whisker_modes(whisker), step_mm=step, preload_mm=preload, friction=touch.friction,
         contact_mm_per_n=contact_mm_per_n(tip_radius_mm=ball, force_n=force, material=whisker.material),
@@ -361,6 +365,7 @@ def speed_cost(
     speed_mm_s: float,
     character_height_mm: float,
     bevel_rad: float = BEVEL_RAD,
+    stroke_heights: float = STROKE_HEIGHTS,
 ) -> SpeedCost:
     """Simulate the errors at a speed over one stamped groove.
 
@@ -370,8 +375,9 @@ def speed_cost(
         speed_mm_s: speed of the stage.
         character_height_mm: character height, with which the groove scales.
         bevel_rad: bevel of its walls.
+        stroke_heights: width of its floor, character heights.
     """
-    stage = _stage(whisker, touch, character_height_mm, bevel_rad)
+    stage = _stage(whisker, touch, character_height_mm, bevel_rad, stroke_heights)
     slow, traced = stage.slow_n_mm, stage.trace(speed_mm_s=speed_mm_s)
     fast, land = traced.moment_n_mm[0].astype(np.float64), float(slow[0])
     signal, wrong = slow / land - 1.0, (fast - slow) / land

@@ -1,8 +1,8 @@
 """What the speed of the stage adds to the moment of a slow one: the whisker rings.
 
-                        s²/w²
-    m_land/d0 gain ----------------- h       w = 2 pi held_hz, z: damping, h: profile under the tip, d0: preload
-                   1 + 2 z s/w + s²/w²
+                            s²/w²
+    - m_land/d0 gain ------------------- h     w = 2 pi held_hz, z: damping, h: profile under the tip, d0: preload
+                     1 + 2 z s/w + s²/w²
 
 A small model of the whisker with mass (docs/pages/physics.md shows both): it has one mode of three, with the same
 frequency on land and walls, and its tip does not fly.
@@ -37,5 +37,5 @@ def added_at_speed(
     halves = np.empty((len(profile), 2 * height_mm.shape[1] + 1))
     halves[:, ::2], halves[:, 1::2] = 0.5 * (profile[:, 1:] + profile[:, :-1]), profile[:, 1:-1]
     whole, _ = lfilter(b.ravel(), a, halves, zi=lfilter_zi(b.ravel(), a) * halves[:, :1])
-    share = ringing.gain * touch.land_moment_n_mm() / touch.preload_mm * sample_rate_hz
+    share = -ringing.gain * touch.land_moment_n_mm() / touch.preload_mm * sample_rate_hz
     return np.asarray(share * np.diff(whole[:, ::2], axis=1), dtype=np.float32)

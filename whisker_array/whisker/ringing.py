@@ -4,7 +4,7 @@ r"""How a whisker with mass rings while its tip slides over a profile.
             \__  swings  ___/      |       between clamp and tip
                '--------'          o       corners of h strike it: the tip changes its speed at once
 
-The moment then differs from that of a slow stage by `gain` times what the profile has in common with the swing
+The profile (1 + h/d0) of the land's moment then lacks `gain` times that part of h which the beam cannot follow
 (`whisker_array.simulation.at_speed`).
 """
 
