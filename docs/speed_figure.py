@@ -1,4 +1,7 @@
-"""The dynamic whisker over a stamped groove: its traces, and its errors against speed."""
+"""The dynamic whisker over stamped grooves: its traces, and its errors against speed beside those of the small model.
+
+`python -m docs.speed_figure` prints the table of `docs/pages/physics.md`.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from matplotlib.figure import Figure
 
 from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, note, styled
 from tests.proof.dynamic import FINE_ERROR, SpeedCost, speed_cost
+from tests.proof.small_model import SpeedErrors, speed_errors
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
@@ -19,6 +23,18 @@ BEVELS_DEG = {30.0: BLUE, 45.0: VERMILION, 60.0: GREEN}
 SPEEDS_MM_S = (5.0, 10.0, 20.0, 30.0, 50.0, 70.0, 100.0, 140.0, 200.0, 300.0, 500.0)
 TRACED_MM_S = {10.0: BLUE, 50.0: VERMILION, 100.0: GREEN, 200.0: PURPLE}
 _LEAST_MM = 1e-3
+
+
+def errors_by_speed(speeds_mm_s: tuple[float, ...]) -> dict[float, list[SpeedErrors]]:
+    """Errors of the default whisker for characters of 5 mm, by the bevel of the walls."""
+    whisker, touch = default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM)
+    return {
+        bevel: [
+            speed_errors(whisker, touch, speed_mm_s=speed, height_mm=HEIGHT_MM, bevel_rad=math.radians(bevel))
+            for speed in speeds_mm_s
+        ]
+        for bevel in BEVELS_DEG
+    }
 
 
 @styled
@@ -51,7 +67,14 @@ def speed_figure() -> Figure:
         for bevel in BEVELS_DEG
     }
     error = panels["error"]
-    _panel(error, "error of the edge map, % of the signal", costs, lambda cost: 100.0 * cost.error)
+    for bevel, errors in errors_by_speed(SPEEDS_MM_S).items():
+        colour = BEVELS_DEG[bevel]
+        with_mass, model = [100.0 * e.with_mass for e in errors], [100.0 * e.model for e in errors]
+        error.loglog(
+            SPEEDS_MM_S, with_mass, "o-", markersize=3, linewidth=1.2, color=colour, label=f"{bevel:g}°"
+        )
+        error.loglog(SPEEDS_MM_S, model, "--", linewidth=1.0, color=colour)
+    _dress(error, "error of the edge map, % of the signal; dashed: small model")
     _panel(panels["ringing"], "ringing behind, % of the land's", costs, lambda cost: 100.0 * cost.ringing)
     _panel(
         panels["air"], "not touched, mm (0: at the foot)", costs, lambda cost: max(cost.in_air_mm, _LEAST_MM)
@@ -70,9 +93,27 @@ def _panel(
         axes.loglog(
             SPEEDS_MM_S, line, "o-", markersize=3, linewidth=1.2, color=BEVELS_DEG[bevel], label=f"{bevel:g}°"
         )
+    _dress(axes, title)
+
+
+def _dress(axes: Axes, title: str) -> None:
     ticks = (5, 10, 20, 50, 100, 200, 500)
     axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.minorticks_off()
     axes.grid()
     axes.set(xlabel="mm/s", title=title)
     axes.legend(title="walls")
+
+
+def table(speeds_mm_s: tuple[float, ...] = (20.0, 35.0, 50.0, 70.0, 100.0, 140.0)) -> str:
+    """Errors of the edge map in Markdown, percent of the signal: with mass, and of the small model."""
+    rows = [["walls", *(f"{speed:g} mm/s" for speed in speeds_mm_s)], ["---"] * (1 + len(speeds_mm_s))]
+    rows += [
+        [f"{bevel:g}°", *(f"{100.0 * e.with_mass:.1f}; {100.0 * e.model:.1f}" for e in errors)]
+        for bevel, errors in errors_by_speed(speeds_mm_s).items()
+    ]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+if __name__ == "__main__":
+    print(table())

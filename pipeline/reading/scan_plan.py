@@ -49,7 +49,7 @@ def plan_of(
     region, height_mm = (0.0, 0.0, *field_mm), settings.height_mm or USUAL_HEIGHT_MM
     if known:
         region, height_mm = _around(vision, photo, settings.height_mm)
-    raster = default_plan(region, character_height_mm=height_mm)
+    raster = default_plan(region, character_height_mm=height_mm, speed_mm_s=settings.speed_mm_s)
     x0, y0, x1, y1 = (round(v, 3) for v in region)
     return ScanPlanRecord(
         region_mm=(x0, y0, x1, y1),

@@ -45,7 +45,9 @@ def virtual_feel(
 
     def feel(surface: HeightMap, height_mm: float) -> Scan:
         bench = VirtualBench(surface, height_mm, array, soil, part_id=part_id)
-        raster = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm, **plan)
+        raster = default_plan(
+            (0.0, 0.0, *surface.size_mm), character_height_mm=height_mm, speed_mm_s=array.speed_mm_s, **plan
+        )
         return bench.scan(raster)
 
     return feel

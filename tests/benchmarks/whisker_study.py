@@ -1,12 +1,14 @@
 """What edge enhancement is worth to a reader: the same parts felt with other whiskers, preloads, sensors and plans::
 
     python tests/benchmarks/whisker_study.py feel --hours 2
+    python tests/benchmarks/whisker_study.py feel --at-speed --hours 1
     python tests/benchmarks/whisker_study.py tables
 
 Parts are those of a balanced design of their own (`design`), in fonts that no fit has seen. Each part is felt and read
 in every cell of `CELLS`, so all comparisons are paired, wherever the run is stopped. Each cell differs from the default
 whisker in one factor. `feel` adds to the rows that are there: a further day adds further parts. Several runs may share
-the file: with `--first 1 --step 2` a run takes every other part.
+the file: with `--first 1 --step 2` a run takes every other part. In `CELLS` nothing rings, as on a slow stage. The
+cells of speed are in a file of their own, beside the same on a slow stage.
 
 The reader knows the format and the whisker, as on a bench. The network has learned from scans of a former default
 whisker (cell `k 0.117`), which favours whiskers that are like it. Of every fifth part, if its line is straight,
@@ -77,6 +79,7 @@ from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch, default_touch
 
 ROWS = Path(__file__).with_name("whisker_study.jsonl.gz")
+SPEED_ROWS = ROWS.with_name("whisker_speed.jsonl.gz")
 FORMAT = "AA999999"
 FACTORS = ("severity", "soil", "font", "height_mm", "die", "plate", "practice", "layout")
 PARTS = 512
@@ -116,6 +119,7 @@ class Cell:
         noise: factor of noise, drift and vibration.
         friction: friction of the whole part (default: 0.2 on metal, each soil its own).
         directions: trace directions (default: four).
+        speed: speed at which whiskers ring, in the usual one (10 heights a second, up to 50 mm/s); 0: nothing rings.
     """
 
     name: str
@@ -126,6 +130,7 @@ class Cell:
     noise: float = 1.0
     friction: float | None = None
     directions: Directions = ()
+    speed: float = 0.0
 
 
 CELLS = (
@@ -154,6 +159,29 @@ CELLS = (
         directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y),
     ),
 )  # fmt: skip
+AT_SPEED = (
+    Cell("at speed", "speed", "default at the usual speed", speed=1.0),
+    Cell("at twice the speed", "speed", "default at twice that", speed=2.0),
+    Cell("profiler, at speed", "speed", "profiler at the usual speed", profiling_whisker, speed=1.0),
+    Cell(
+        "l2 6, at speed",
+        "speed",
+        "l2 = 6 mm at the usual speed",
+        partial(long_foot, l2_heights=1.2),
+        speed=1.0,
+    ),
+    Cell(
+        "l2 9, at speed",
+        "speed",
+        "l2 = 9 mm at the usual speed",
+        partial(long_foot, l2_heights=1.8),
+        speed=1.0,
+    ),
+)
+SPEED_CELLS = (
+    *(cell for cell in CELLS if cell.name in ("default", "profiler", "l2 6", "l2 9")),
+    *AT_SPEED,
+)
 BY_CORRELATION = tuple(cell for cell in CELLS if cell.factor in ("default", "whisker"))
 
 
@@ -165,8 +193,15 @@ class CellArray(VirtualArray):
 
     def touch(self, height_mm: float) -> Touch:
         """Touch for characters of a height: whisker and preload of the cell."""
-        usual = default_touch(height_mm).with_whisker(self.cell.whisker(height_mm))
-        return replace(usual, preload_mm=self.cell.preload * default_preload_mm(height_mm))
+        touch = default_touch(height_mm).with_whisker(self.cell.whisker(height_mm))
+        assert touch.ringing is not None
+        # a lower frequency is as a higher speed
+        rings = (
+            replace(touch.ringing, held_hz=touch.ringing.held_hz / speed)
+            if (speed := self.cell.speed)
+            else None
+        )
+        return replace(touch, preload_mm=self.cell.preload * default_preload_mm(height_mm), ringing=rings)
 
     def draw(self, plan: RasterPlan, touch: Touch) -> BenchOptions:
         """Draw sensors and stage; noise, drift and vibration are multiplied."""
@@ -371,32 +406,37 @@ app = App()
 
 
 @app.command
-def feel(*, hours: float = 2.0, first: int = 0, step: int = 1, rows: Path = ROWS) -> None:
+def feel(
+    *, at_speed: bool = False, hours: float = 2.0, first: int = 0, step: int = 1, rows: Path | None = None
+) -> None:
     """Feel and read further parts in every cell, and add their rows.
 
     Args:
+        at_speed: in the cells of speed.
         hours: time after which no part is begun.
         first: number of the first part.
         step: distance of the numbers.
-        rows: file of the rows.
+        rows: file of the rows (default: the one beside this program).
     """
     parts, end = DesignedParts(design(), first=PARTS), time.monotonic() + 3600.0 * hours
+    cells = SPEED_CELLS if at_speed else CELLS
+    rows = rows or (SPEED_ROWS if at_speed else ROWS)
     for number, item in list(enumerate(parts.items()))[first::step]:
         if number in {part.number for part in load_parts(rows)}:
             continue
         if time.monotonic() > end:
             return
         start, specimen = time.process_time(), parts.make(item)
-        correlated = number % CORRELATION_EVERY == 0 and item.condition["layout"] != "arc"
+        correlated = not at_speed and number % CORRELATION_EVERY == 0 and item.condition["layout"] != "arc"
         font, of_part = parts.font_of(item.condition), list[Row]()
-        for cell in CELLS:
+        for cell in cells:
             wanted = correlated and cell in BY_CORRELATION
             of_part += read_cell(specimen, cell, font=font if wanted else "")
         levels = {factor: item.condition[factor] for factor in FACTORS}
         add_part(StudyPart(number, specimen.truth, levels, score_mark(), tuple(of_part)), rows)
         right = sum(row.right for row in of_part if row.by == "reader")
         print(
-            f"part {number}, {item.condition.levels}: right in {right} of {len(CELLS)} cells, "
+            f"part {number}, {item.condition.levels}: right in {right} of {len(cells)} cells, "
             f"{time.process_time() - start:.0f} s",
             flush=True,
         )
@@ -598,6 +638,15 @@ PROFILED = (
 """Whiskers that enhance edges, and those that do not but touch in the same way."""
 
 
+SLOWED = (
+    ("at speed", "default"), ("at twice the speed", "default"), ("profiler, at speed", "profiler"),
+    ("l2 6, at speed", "l2 6"), ("l2 9, at speed", "l2 9"),
+    ("at speed", "profiler, at speed"), ("l2 6, at speed", "profiler, at speed"),
+    ("l2 9, at speed", "profiler, at speed"),
+)  # fmt: skip
+"""Cells at speed, and the same on a slow stage or the profiler at speed."""
+
+
 def mean_gain(parts: Sequence[StudyPart], *, by: str = "reader") -> str:
     """Characters of the whiskers with F less those of the two without, both as means over whiskers."""
 
@@ -638,14 +687,23 @@ def report(parts: Sequence[StudyPart]) -> Iterator[str]:
     yield from ("", *pair_table(pairs), "", mean_gain(by_correlation, by="correlation"))
 
 
+def speed_tables(parts: Sequence[StudyPart]) -> Iterator[str]:
+    """Cells at speed beside the same on a slow stage."""
+    yield from cell_table(parts, SPEED_CELLS)
+    yield from ("", *pair_table([Pair.of(parts, *names) for names in SLOWED]))
+
+
 @app.command
-def tables(*, rows: Path = ROWS) -> None:
+def tables(*, rows: Path = ROWS, speed_rows: Path = SPEED_ROWS) -> None:
     """Print all tables as Markdown.
 
     Args:
         rows: file of the rows.
+        speed_rows: file of the rows at speed.
     """
-    for line in report(load_parts(rows)):
+    at_speed = load_parts(speed_rows)
+    heading = ("", f"### At speed ({len(at_speed)} parts)", "")
+    for line in (*report(load_parts(rows)), *heading, *speed_tables(at_speed)):
         print(line)
 
 
