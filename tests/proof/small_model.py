@@ -51,7 +51,7 @@ def speed_errors(
             / touch.land_moment_n_mm()
             for phase in range(a_sample)
         ]
-        model = np.mean([_mean_square(line, SAMPLES_PER_LINE_PITCH) for line in added])
+        model = float(np.mean([_mean_square(line, SAMPLES_PER_LINE_PITCH) for line in added]))
         errors += (
             _mean_square(cost.fast - cost.slow, a_pixel),
             model,

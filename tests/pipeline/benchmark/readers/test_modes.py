@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glyphs.errors import MarksError
+from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.readers.modes import (
     expand_groups,
@@ -74,6 +74,44 @@ def test_each_mode_is_also_read_without_each_rule() -> None:
     assert open_mode(named[3], Reader(format="A9")).uses == ("touch",)
     with pytest.raises(SettingsError, match="no rule 'luck' to leave out; the rules are mismatch"):
         open_mode("tactile without luck", Reader(format="A9"))
+
+
+WHISKER = """format_version = 1
+kind = "L"
+l1_mm = 30.0
+l2_mm = 6.0
+l3_mm = 3.5
+preload_mm = 1.0
+tip_radius_mm = 0.06
+friction = 0.2
+character_height_mm = 5.0
+speed_mm_s = 25.0
+[section]
+kind = "ribbon"
+thickness_mm = 0.3
+width_mm = 4.5
+"""
+
+
+def test_modes_of_touch_also_feel_with_other_whiskers(tmp_path: Path) -> None:
+    path = tmp_path / "long.toml"
+    path.write_text(WHISKER)
+    named = expand_groups(("tactile", "vision", "fused"), whiskers=(str(path),))
+    assert named[3:] == (f"tactile with {path}", f"fused with {path}")
+    parts = designed_parts(parts=1)
+    benchmark = Benchmark(parts, named, ReaderSettings(orientation=Orientation.UPRIGHT))
+    trials = {t.mode: t for t in run_benchmark(benchmark, tmp_path / "run")}
+    assert {(t.text, t.error) for t in trials.values()} == {(parts.make(parts.items()[0]).truth, "")}
+    # at half the speed (turns take as long), and the camera is charged to both
+    assert trials[named[3]].scan_s > 1.5 * trials["tactile"].scan_s
+    assert trials[named[4]].compute_s > trials["vision"].compute_s
+    # another whisker in the file is another benchmark
+    path.write_text(WHISKER.replace("l2_mm = 6.0", "l2_mm = 5.0"))
+    with pytest.raises(FileError, match="another benchmark"):
+        run_benchmark(benchmark, tmp_path / "run")
+    path.unlink()
+    with pytest.raises(FileError, match=r"long\.toml"):
+        run_benchmark(benchmark, tmp_path / "new")
 
 
 FORMATTED = ReaderSettings(format="A9", orientation=Orientation.UPRIGHT)
