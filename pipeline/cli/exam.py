@@ -58,8 +58,8 @@ def run(
     Args:
         out: Folder for the trials and the report; made if missing.
         design: Exam that defines the parts and what readers know of them: marks-exam-1-1600, marks-exam-1-208,
-            marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96, or a TOML file of your own. It replaces the flags that
-            describe parts, except --parts.
+            marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96, marks-training-1, or a TOML file of your own. It
+            replaces the flags that describe parts, except --parts.
         parts: Number of parts for every soil, dirt, font and format (default: 200). With --design: number of its first
             parts (default: all).
         mode: Readers, separated by commas: tactile, vision, fused, lights (vision of four photographs, each with the
@@ -173,8 +173,8 @@ def export(
     """Write an exam's parts, photographs, views of touch and truth; the same command continues an interrupted export.
 
     Args:
-        design: An edition: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96; or
-            a TOML file of your own.
+        design: An edition: marks-exam-1-1600, marks-exam-1-208, marks-exam-1-40, marks-exam-2-1000, marks-exam-2-96,
+            marks-training-1 (for readers that learn); or a TOML file of your own.
         folder: Folder for the files; made if missing.
         parts: Number of parts, from the first (default: all). The first parts of a design are balanced, too.
         jobs: Worker processes.

@@ -81,6 +81,8 @@ class Design(BaseModel):
     cross: tuple[str, ...] = ("severity",)  # factors crossed in full
     # the n-th part of every cell is the same stamped part, so that cells are compared in pairs
     alike: bool = False
+    # parts have numbers for names, drawn at random, which say nothing of their levels
+    numbered: bool = False
     # levels of every factor: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`
     part: Part
     given: tuple[str, ...] = ("format",)  # every part is read with each of these sets of facts

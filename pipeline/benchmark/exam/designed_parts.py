@@ -89,13 +89,16 @@ class DesignedParts:
         """All items, in the design's order; the first few have each section's share and all severities."""
         items: list[Item] = []
         sections: list[list[Item]] = []
+        numbers = np.random.default_rng(self.design.seed).permutation(self.design.n_parts)
         for section, number, replicate, condition in self.design.plan_parts():
             if number == 0:  # the next section begins
                 sections.append([])
-            name = "-".join([*([section.name] if section.name else []),
-                             *(_level_name(condition, factor) for factor in self.design.cross)])  # fmt: skip
+            levels = (_level_name(condition, factor) for factor in self.design.cross)
+            name = "-".join([*([section.name] if section.name else []), *levels, f"{replicate:04d}"])
+            if self.design.numbered:
+                name = f"part-{numbers[len(items)]:04d}"
             index = replicate if self.design.alike else (len(sections) - 1) * MAX_PARTS + number
-            item = Item(f"{name}-{replicate:04d}", index, condition, self.design.given)
+            item = Item(name, index, condition, self.design.given)
             items.append(item)
             sections[-1].append(item)
         if self.first is None:

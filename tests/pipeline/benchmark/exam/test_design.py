@@ -230,6 +230,22 @@ def test_the_first_parts_of_an_edition_hold_all_severities() -> None:
     assert {item.part for item in replace(parts, first=40).items()} == set(every)
 
 
+def test_names_of_the_training_edition_say_nothing_and_none_of_its_serials_is_in_the_exam() -> None:
+    parts = DesignedParts(design_named("marks-training-1"))
+    items = parts.items()
+    assert {item.part for item in items} == {f"part-{n:04d}" for n in range(len(items))}
+    # the first parts are those of the whole edition, and names are no order of severities
+    assert {item.part for item in replace(parts, first=50).items()} < {item.part for item in items}
+    by_name = [item.condition.severity for item in sorted(items, key=lambda item: item.part)]
+    assert abs(float(np.corrcoef(by_name, np.arange(len(by_name)))[0, 1])) < 0.1
+    for neighbour in range(1, 5):
+        assert abs(float(np.corrcoef(by_name[:-neighbour], by_name[neighbour:])[0, 1])) < 0.1
+    for edition in ("marks-exam-1-1600", "marks-exam-1-208", "marks-exam-1-40"):
+        exam = DesignedParts(design_named(edition))
+        assert not {exam.truth_of(item) for item in exam.items()} & {parts.truth_of(item) for item in items}
+        assert not set(parts.design.part["soil"]) & set(exam.design.kept_out_soils)
+
+
 def test_a_design_crosses_both_generators() -> None:
     exam = design(cross=["generator", "severity"], parts=4, part={"generator": ["stamped", "sketched"]})
     parts = DesignedParts(exam)
