@@ -13,7 +13,7 @@ L/(EA) a a^T. Euler-Bernoulli beams: shear, rotary and warping terms are left ou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -90,15 +90,6 @@ class Segment(OneLine):
         return self.start_mm + fractions[:, None] * (self.end_mm - self.start_mm)
 
 
-def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
-    if not isinstance(segment.section, Taper):
-        yield np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
-        return
-    for panels in _PANELS:
-        left = np.arange(panels)[:, None]
-        yield ((left + (1.0 + _GAUSS_X) / 2.0) / panels).ravel(), np.tile(_GAUSS_W / (2.0 * panels), panels)
-
-
 def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: bool) -> Matrix:
     points = segment.points_mm(t)
     arms = np.concatenate([cross_matrix(tip - points), np.broadcast_to(np.eye(3), (t.size, 3, 3))], axis=2)
@@ -112,11 +103,12 @@ def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: 
 
 
 def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
+    if not isinstance(segment.section, Taper):
+        return _integrate(segment, tip, np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0, axial)
     previous: Matrix | None = None
-    for t, weight in _rules(segment):
-        d = _integrate(segment, tip, t, weight, axial)
-        if not isinstance(segment.section, Taper):
-            return d
+    for panels in _PANELS:
+        t = ((np.arange(panels)[:, None] + (1.0 + _GAUSS_X) / 2.0) / panels).ravel()
+        d = _integrate(segment, tip, t, np.tile(_GAUSS_W / (2.0 * panels), panels), axial)
         if previous is not None:
             change, size = (np.abs(m).reshape(2, 3, 2, 3).max(axis=(1, 3)) for m in (d - previous, d))
             if (change <= _TAPER_TOLERANCE * size).all():  # in each block of D
