@@ -78,8 +78,6 @@ BOUND_WORDS: Final[Mapping[Bound, BoundWords]] = {
 def explain_failure(error: NoWhiskerError) -> str:
     """Name the limits that cannot be met together, how far the nearest whisker misses them, and what would help."""
     problem, nearest = error.problem, error.nearest
-    if problem is None or nearest is None:
-        return error.what
     scale, preload = problem.error_scale, nearest.preload_mm
     checked = check(nearest.whisker, problem.request, problem.limits, preload_mm=preload, error_scale=scale)
     rows = {row.bound: row for row in checked.rows()}

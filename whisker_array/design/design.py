@@ -56,12 +56,7 @@ _FINE = 33
 class NoWhiskerError(DesignError):
     """No whisker meets all limits together."""
 
-    def __init__(
-        self,
-        problem: Problem | None = None,
-        nearest: Candidate | None = None,
-        bounds: tuple[Bound, ...] = (),
-    ) -> None:
+    def __init__(self, problem: Problem, nearest: Candidate, bounds: tuple[Bound, ...]) -> None:
         self.problem, self.nearest, self.bounds = problem, nearest, bounds
         names = ", ".join(bound.value for bound in bounds)
         super().__init__(f"no whisker meets all limits together: {names}")
