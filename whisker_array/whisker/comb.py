@@ -35,6 +35,12 @@ from whisker_array.whisker.shapes import TipModel, Whisker
 
 GAP_MM = 0.15
 """Least gap between two bodies: several times the uncertainty of a clamped ribbon's position."""
+BURR_PRELOADS = 0.1
+"""Height of a burr that lifts the tip further than the land does, preloads."""
+STEEPEST = math.sqrt(3.0)
+"""Slope of the steepest wall along the trace, 60 degrees, down which a tip slides sideways."""
+CLAMP_THICKNESSES = 4.0
+"""Half the length of a clamp and half its height, thicknesses of the whisker."""
 DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 """`bent_the_most` of the default whisker for characters 1 mm high."""
 
@@ -114,12 +120,10 @@ def _distance(points: Floats, line: Floats) -> float:
     return math.sqrt(float((x * x + y * y).min()))
 
 
-def bent_the_most(
-    whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION, burr: float = 0.1
-) -> Floats:
+def bent_the_most(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION) -> Floats:
     """Line of the elastica on land, (n, 2) mm from the clamp, lifted by preload and burrs. Raises WhiskerError."""
     try:
-        bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + burr), mu=mu).shape_mm
+        bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + BURR_PRELOADS), mu=mu).shape_mm
     except ElasticaError as error:
         raise WhiskerError(f"the bent whisker has no shape: {error.what}", hint=error.hint) from error
     return np.asarray(bent - bent[0])
@@ -134,22 +138,15 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
     return _body(whisker, preload_mm, bent_the_most(whisker, preload_mm=preload_mm, mu=mu))
 
 
-def _body(
-    whisker: Whisker,
-    preload: float,
-    bent: Floats,
-    *,
-    steepest: float = math.sqrt(3.0),
-    clamp_thicknesses: float = 4.0,
-) -> Body:
+def _body(whisker: Whisker, preload: float, bent: Floats) -> Body:
     segments = whisker.segments()
     outline = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
     sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]
     thick = 2.0 * max(s.c_vertical_mm for s in sections)
     tip: TipModel = whisker.tip_model()
-    aside = preload * steepest * float(tip.compliance_mm_per_n[2, 2] / tip.compliance_mm_per_n[1, 1])
+    aside = preload * STEEPEST * float(tip.compliance_mm_per_n[2, 2] / tip.compliance_mm_per_n[1, 1])
     wide = 2.0 * max(s.c_lateral_mm for s in sections)
-    clamp = (2.0 * clamp_thicknesses * thick, clamp_thicknesses * thick)
+    clamp = (2.0 * CLAMP_THICKNESSES * thick, CLAMP_THICKNESSES * thick)
     steel = whisker.material.density_t_mm3
     tonnes = sum(s.material.density_t_mm3 * s.section_at(0.5).area_mm2 * s.length_mm for s in segments)
     tonnes += steel * wide * clamp[0] * 2.0 * clamp[1]
