@@ -30,6 +30,10 @@ from whisker_array.whisker.passes import SweepPlan
 
 MAD = 1.4826
 """Factor from a median absolute deviation to a standard deviation."""
+BESIDE = 2
+"""Lines compared on either side of a border between two whiskers."""
+MARKED_STEPS, MARKED_DEPTH = 0.3, 0.02
+"""Least root of the summed squares of a line's steps, and least depth, of lines that cross marks; land: 1."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,14 +180,7 @@ def level_steps(shares: list[SweepShares]) -> AnyFloats:
     return np.asarray(MAD * quantile_of_known(np.abs(np.concatenate(steps)).T, fewest=8) / np.sqrt(2.0))
 
 
-def sharpness(
-    shares: list[SweepShares],
-    *,
-    line_pitch_mm: float,
-    beside: int = 2,
-    least_steps: float = 0.3,
-    least_depth: float = 0.02,
-) -> AnyFloats:
+def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> AnyFloats:
     """(whiskers,) depth and steps of marks, relative to the other whiskers on the same lines; NaN if unknown.
 
     Lines on both sides of the border between two whiskers cross the same marks; a worn tip does not reach their floors
@@ -195,14 +192,14 @@ def sharpness(
         lines, whisker, place = f.lines
         # whiskers on either side of an unused one are no neighbours
         first = np.flatnonzero((whisker[1:] != whisker[:-1]) & (np.diff(place) < 2.0 * line_pitch_mm))
-        first = first[(first + 1 >= beside) & (first + beside < whisker.size)]
+        first = first[(first + 1 >= BESIDE) & (first + BESIDE < whisker.size)]
         # (borders, sides, lines)
-        near = first[:, None, None] + np.arange(1 - beside, 1 + beside).reshape(2, beside)
+        near = first[:, None, None] + np.arange(1 - BESIDE, 1 + BESIDE).reshape(2, BESIDE)
         near = near[(np.ptp(whisker[near], axis=2) == 0).all(axis=1)]
         marks = lines[near] / quantile_of_known(lines[near])[..., None] - 1.0
-        depth = -quantile_of_known(marks.reshape(len(near), 2, beside * lines.shape[1]), 0.02)
+        depth = -quantile_of_known(marks.reshape(len(near), 2, BESIDE * lines.shape[1]), 0.02)
         steps = np.sqrt(np.nansum(np.diff(marks, axis=3) ** 2, axis=(2, 3)))
-        marked = ((steps >= least_steps) & (depth >= least_depth)).all(axis=1)
+        marked = ((steps >= MARKED_STEPS) & (depth >= MARKED_DEPTH)).all(axis=1)
         step = 0.5 * np.diff(np.log(depth[marked]) + np.log(steps[marked]), axis=1)[:, 0]
         borders += zip(*whisker[near[marked, :, 0]].T.tolist(), step.tolist(), strict=True)
     ratios = np.exp(reconcile_steps(borders, n))

@@ -39,6 +39,8 @@ from whisker_array.simulation.regrid import mean_of_known
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import Touch
 
+LEAST_GIVE = 0.5
+"""Least give of a pushed tip, relative to that on frictionless land; with less it snags before it jams."""
 ROUNDS = 4
 """Iterations between tip positions and leans; each changes them at most a tenth as much as the previous one."""
 
@@ -138,20 +140,14 @@ def _has_jammed(sweep: Sweep, *, most: float = 0.05) -> bool:
 
 
 def _without_snags(
-    view: _View,
-    lean: Floats,
-    tau: Floats,
-    phi_land: float,
-    touches: tuple[Touch, Touch],
-    *,
-    least_give: float = 0.5,
+    view: _View, lean: Floats, tau: Floats, phi_land: float, touches: tuple[Touch, Touch]
 ) -> Floats:
     if view.friction_sign > 0.0:
         return lean
     t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))
     rows = (touch.tip.compliance_mm_per_n[1] for touch in touches)
     give = [1.0 - row[0] / row[1] * t for row in rows]
-    return np.where(np.minimum(*give) > least_give, lean, np.nan)
+    return np.where(np.minimum(*give) > LEAST_GIVE, lean, np.nan)
 
 
 def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: bool) -> _View:

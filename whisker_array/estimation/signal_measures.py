@@ -32,6 +32,11 @@ from whisker_array.scan.scan import Scan, add_flags, only
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 
+LOST_LEVEL, FEW_LOST = 0.2, 0.01
+"""Moment, over that on the land, below which contact is lost; greatest share of such samples of a clear tip."""
+EVEN_SPREAD = 0.1
+"""Greatest spread of the levels of a clear tip's lines, over the whisker's own level."""
+
 
 def _noise(shares: Sequence[SweepShares]) -> AnyFloats:
     air = noises([f.air for f in shares])
@@ -103,15 +108,7 @@ def above_noise(shares: Sequence[SweepShares], level: AnyFloats, *, times: float
     return np.abs(level) > times * _noise(shares)
 
 
-def is_clear(
-    shares: Sequence[SweepShares],
-    level: AnyFloats,
-    *,
-    least: float,
-    lost: float = 0.2,
-    few: float = 0.01,
-    even: float = 0.1,
-) -> Mask:
+def is_clear(shares: Sequence[SweepShares], level: AnyFloats, *, least: float) -> Mask:
     """(whiskers,) whether a signal is that of a tip on the land, however small: even, and nowhere lost.
 
     A tip that hardly touches loses contact in marks and shows every unevenness of the plate.
@@ -122,7 +119,7 @@ def is_clear(
         values = np.concatenate([f.share[:, w].ravel() for f in shares]) / level[w]
         lines = np.concatenate([f.levels[:, w] for f in shares]) / level[w]
         spread = MAD * float(np.nanmedian(np.abs(lines - 1.0)))
-        clear[w] = (values[np.isfinite(values)] < lost).mean() < few and spread < even
+        clear[w] = (values[np.isfinite(values)] < LOST_LEVEL).mean() < FEW_LOST and spread < EVEN_SPREAD
     return clear
 
 
