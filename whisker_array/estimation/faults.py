@@ -313,14 +313,10 @@ def _check_signals(scan: Scan, limits: FaultLimits, *, volts: bool = False) -> _
     ratio = np.abs(level) / usual
     other_unit = touching & ((ratio > limits.unit) | (clear & (ratio < limits.dead_level)))
     doubled = signals.doubled_channels(shares)
-    faults += [
-        _fault(kind, number, whisker=columns[w])
-        for kind, wrong, numbers in (
-            (FaultKind.REVERSED, reversed_sign, 100.0 * level),
-            (FaultKind.UNIT, other_unit, level),
-        )
-        for w, number in zip(np.flatnonzero(wrong), numbers[wrong], strict=True)
-    ]
+    for w in np.flatnonzero(reversed_sign):
+        faults.append(_fault(FaultKind.REVERSED, 100.0 * level[w], whisker=columns[w]))
+    for w in np.flatnonzero(other_unit):
+        faults.append(_fault(FaultKind.UNIT, level[w], whisker=columns[w]))
     faults += [_fault(FaultKind.DOUBLED, columns[b], whisker=columns[a]) for a, b in doubled]
     wrong = reversed_sign | other_unit | np.isin(np.arange(level.size), doubled)
     if not doubled:
