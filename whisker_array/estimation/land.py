@@ -17,6 +17,15 @@ from glyphs.compiled import read_only
 from whisker_array.arrays import AnyFloats, Floats
 from whisker_array.estimation.land_fit import fit_quadratic, quadratic, robust_lines
 
+CUT = 0.05
+"""Distance from the land, as a share of it, from which a sample has no weight in its fit."""
+LEAST_LAND = 0.15
+"""Least share of a line's samples on its land, for an estimate of its drift."""
+NEIGHBOURS = 9
+"""Number of neighbouring lines whose median is the form of the surface."""
+MOST_DRIFT = 0.03
+"""Greatest drift of a line, share of the land."""
+
 
 def shorth(values: Floats, *, share: float = 0.35) -> Floats:
     """Centre of the shortest interval that holds a share of each row's samples, (rows,); NaN are left out.
@@ -39,11 +48,11 @@ def land_surface(coefficients: Floats, shape: tuple[int, ...]) -> Floats:
     return quadratic(coefficients, np.linspace(-1.0, 1.0, shape[1]), np.linspace(-1.0, 1.0, shape[0]))
 
 
-def land_coefficients(moment: Floats, *, cut: float = 0.05) -> Floats:
+def land_coefficients(moment: Floats) -> Floats:
     """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
     The fit starts flat at the most common level, or tilted by the levels of lines and columns, so that a tilt of many
-    times the mark's depth does no harm; it is then tightened, until samples further than the share `cut` from the land
+    times the mark's depth does no harm; it is then tightened, until samples further than the share `CUT` from the land
     have no weight (marks differ by 10 % or more).
 
     Returns (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
@@ -55,7 +64,7 @@ def land_coefficients(moment: Floats, *, cut: float = 0.05) -> Floats:
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
     u, v = np.linspace(-1.0, 1.0, samples)[::step_s], np.linspace(-1.0, 1.0, lines)[::step_l]
     thin = moment[::step_l, ::step_s]
-    cuts = np.array([0.2, 0.1, 0.07, cut, cut]) * abs(level)
+    cuts = np.array([0.2, 0.1, 0.07, CUT, CUT]) * abs(level)
     # keep the start that explains more samples
     starts = (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level))
     fits = (fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts) for start in starts)
@@ -117,14 +126,7 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> Floats:
     return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0])
 
 
-def remove_drift(
-    ratio: Floats,
-    *,
-    cut: float = 0.05,
-    least: float = 0.15,
-    neighbours: int = 9,
-    most: float = 0.03,
-) -> Floats:
+def remove_drift(ratio: Floats) -> Floats:
     """Divide each line, in place, by the drift of its land relative to its neighbours: a robust line along the trace.
 
     The surface is similar from line to line; a sensor's drift is not. So only the deviation from the median of the
@@ -135,10 +137,8 @@ def remove_drift(
     lines, samples = ratio.shape
     t = np.linspace(-1.0, 1.0, samples)
     fits, few = np.empty((2, lines)), np.empty(lines, dtype=np.bool_)
-    robust_lines(read_only(ratio), t, cut, least * samples, 0.05 * samples, *fits, few)
-    offset, slope = (
-        np.where(few, 0.0, np.clip(fit - median_filter(fit, neighbours, mode="nearest"), -most, most))
-        for fit in fits
-    )
+    robust_lines(read_only(ratio), t, CUT, LEAST_LAND * samples, 0.05 * samples, *fits, few)
+    form = median_filter(fits, (1, NEIGHBOURS), mode="nearest")
+    offset, slope = np.where(few, 0.0, np.clip(fits - form, -MOST_DRIFT, MOST_DRIFT))
     ratio /= 1.0 + offset[:, None] + slope[:, None] * t
     return ratio
