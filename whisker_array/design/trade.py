@@ -6,7 +6,7 @@ its first order is taken from the original design.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from glyphs.surface.display import OneLine
@@ -31,45 +31,33 @@ class TradeOff(OneLine):
     at: float
 
 
-def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) -> TradeOff:
+def slide_trade_off(design: Design) -> TradeOff:
     """Compute the contrast against the allowed sideways slide; every point has its own whisker."""
-    slide_mm = design.limits.slide_lines * design.request.line_pitch_mm
-
-    def change(factor: float) -> tuple[Request, Limits]:
-        return design.request, replace(design.limits, slide_lines=factor * design.limits.slide_lines)
-
-    return _trade_off(design, factors, change, "sideways slide allowed", "mm", slide_mm)
+    request, lines = design.request, design.limits.slide_lines
+    uses = {f: (request, replace(design.limits, slide_lines=f * lines)) for f in SLIDE_FACTORS}
+    return _trade_off(design, uses, "sideways slide allowed", "mm", lines * request.line_pitch_mm)
 
 
 def speed_trade_off(design: Design, factors: Iterable[float] = SPEED_FACTORS) -> TradeOff:
     """Compute the contrast against the required scan speed; see `slide_trade_off`."""
     least_mm_s = design.request.least_speed_mm_s
-
-    def change(factor: float) -> tuple[Request, Limits]:
-        return replace(design.request, speed_mm_s=factor * least_mm_s), design.limits
-
-    return _trade_off(design, factors, change, "scan speed", "mm/s", least_mm_s)
+    uses = {f: (replace(design.request, speed_mm_s=f * least_mm_s), design.limits) for f in factors}
+    return _trade_off(design, uses, "scan speed", "mm/s", least_mm_s)
 
 
 def _trade_off(
-    design: Design,
-    factors: Iterable[float],
-    change: Callable[[float], tuple[Request, Limits]],
-    name: str,
-    unit: str,
-    at: float,
+    design: Design, uses: Mapping[float, tuple[Request, Limits]], name: str, unit: str, at: float
 ) -> TradeOff:
     kind: SectionKind = "ribbon" if isinstance(design.whisker.section, Rectangle) else "round"
     first_order = check(design.whisker, design.request, design.limits, preload_mm=design.preload_mm)
     scale = design.linear_error / float(first_order.table[Bound.LINEAR_BEAM][0].max())
     here = Candidate(design.whisker, design.preload_mm, design.contrast, 0.0)
-    ordered = sorted(set(factors))
+    ordered = sorted(uses)
     reached: dict[float, float] = {}
     for side in ([f for f in ordered if f >= 1.0], [f for f in ordered[::-1] if f < 1.0]):
         neighbour = here
         for factor in side:
-            request, limits = change(factor)
-            problem = Problem(request, limits, kind, error_scale=scale)
+            problem = Problem(*uses[factor], kind, error_scale=scale)
             polished = polish(problem, neighbour, rounds=2) or _from_inside(problem, neighbour)
             if polished is None:
                 break  # an even tighter limit has no whisker either
