@@ -91,7 +91,7 @@ def whisker_gain(lines: AnyFloats, whisker: NDArray[np.int64]) -> Floats:
     samples is the ratio of their gains. The slope of the surface across the border is estimated from the lines beside
     it and removed. All borders are reconciled by least squares, with mean gain 1.
     """
-    names = np.unique(whisker)
+    names, index = np.unique(whisker, return_inverse=True)
     border = np.flatnonzero(whisker[1:] != whisker[:-1])
     if names.size < 2 or border.size == 0:
         return np.ones(whisker.size)
@@ -104,7 +104,6 @@ def whisker_gain(lines: AnyFloats, whisker: NDArray[np.int64]) -> Floats:
     middle = np.full(whisker.size - 1, np.nan)
     middle[needed[enough]] = np.nanmedian(step[enough], axis=1)
     known = np.isfinite(middle)
-    index = np.searchsorted(names, whisker)
     steps = []
     for i in border[known[border]]:
         beside = [
