@@ -289,7 +289,7 @@ DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
 FINE_ERROR = 0.05
 """Largest error of the edge map in passes for reading characters."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
-_SLOWEST, _FIRST, _FASTEST, _HALVINGS = 2.0, 10.0, 2000.0, 9
+_SLOWEST = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,38 +393,3 @@ def speed_cost(
         ringing=float(np.abs(wrong[stage.rings_from :]).max()),
         in_air_mm=float(lost.sum()) * stage.step_mm,
     )
-
-
-def fastest_mm_s(
-    whisker: Whisker,
-    touch: Touch,
-    *,
-    character_height_mm: float,
-    allowed_error: float = FINE_ERROR,
-    bevel_rad: float = BEVEL_RAD,
-) -> float:
-    """Find the fastest speed at which the edge map is within the allowed error.
-
-    Args:
-        whisker: whisker of the touch.
-        touch: preload, ball and friction.
-        character_height_mm: character height of the marks.
-        allowed_error: share of the signal, see `SpeedCost.error`.
-        bevel_rad: bevel of the walls.
-    """
-
-    cost = partial(speed_cost, whisker, touch, character_height_mm=character_height_mm, bevel_rad=bevel_rad)
-
-    def is_allowed(speed: float) -> bool:
-        return cost(speed_mm_s=speed).error <= allowed_error
-
-    # search upwards: beyond the first limit the ringing may cancel by chance
-    slow, fast = _SLOWEST, _FIRST
-    while is_allowed(fast):
-        slow, fast = fast, 1.25 * fast
-        if fast > _FASTEST:
-            return slow
-    for _ in range(_HALVINGS):
-        middle = math.sqrt(slow * fast)
-        slow, fast = (middle, fast) if is_allowed(middle) else (slow, middle)
-    return slow

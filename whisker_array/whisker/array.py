@@ -36,9 +36,9 @@ PIECE_LINES = 4
 """Lines per character height over a test piece, which every whisker crosses by itself."""
 SAMPLES_PER_LINE_PITCH = 2
 SAFE_SPEED_MM_S = 50.0
-"""Safe speed of the default whisker for any character height. In the dynamic simulation of a stamped groove of 45
-degrees the error of the edge map is 1.5 % at this speed, 5 % at 73 mm/s and 8 % at 146 mm/s
-(`tests.proof.dynamic`)."""
+"""Safe speed of the default whisker for any character height. In the dynamic simulation of stamped grooves of 45
+degrees the error of the edge map is 2.4 % at this speed, 5 % at 74 mm/s and 10 % at 97 mm/s
+(`tests.proof.small_model`)."""
 COMB_STEP_HEIGHTS = 0.1
 """Step of the distance between rows, character heights: a whole number of samples in all usual plans."""
 PITCH_TOLERANCE = 1e-3
