@@ -18,6 +18,9 @@ from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from whisker_array.whisker.touch import Touch
 
+BLOCK = 256
+"""Lines at a time, for the memory."""
+
 
 def added_at_speed(
     height_mm: NDArray[np.float32], touch: Touch, *, sample_rate_hz: float
@@ -26,16 +29,18 @@ def added_at_speed(
 
     Like a bench, which averages against aliasing, it gives means over each sample. Without a known ringing it is 0.
     """
-    ringing = touch.ringing
+    added, ringing = np.zeros_like(height_mm), touch.ringing
     if ringing is None:
-        return np.zeros_like(height_mm)
+        return added
     w, drag = 2.0 * math.pi * ringing.held_hz, 2.0 * ringing.damping
     # the integral over time of s²/w² / (1 + 2 z s/w + s²/w²), in half samples
-    integral = [1.0, 0.0], [1.0, drag * w, w**2]
-    b, a, _ = cont2discrete(integral, 0.5 / sample_rate_hz, method="foh")
-    profile = np.pad(np.maximum(height_mm, -touch.preload_mm), ((0, 0), (1, 1)), mode="edge")
-    halves = np.empty((len(profile), 2 * height_mm.shape[1] + 1))
-    halves[:, ::2], halves[:, 1::2] = 0.5 * (profile[:, 1:] + profile[:, :-1]), profile[:, 1:-1]
-    whole, _ = lfilter(b.ravel(), a, halves, zi=lfilter_zi(b.ravel(), a) * halves[:, :1])
+    b, a, _ = cont2discrete(([1.0, 0.0], [1.0, drag * w, w**2]), 0.5 / sample_rate_hz, method="foh")
     share = -ringing.gain * touch.land_moment_n_mm() / touch.preload_mm * sample_rate_hz
-    return np.asarray(share * np.diff(whole[:, ::2], axis=1), dtype=np.float32)
+    for first in range(0, len(height_mm), BLOCK):
+        lines = np.maximum(height_mm[first : first + BLOCK], -touch.preload_mm)
+        profile = np.pad(lines, ((0, 0), (1, 1)), mode="edge")
+        halves = np.empty((len(lines), 2 * lines.shape[1] + 1))
+        halves[:, ::2], halves[:, 1::2] = 0.5 * (profile[:, 1:] + profile[:, :-1]), lines
+        whole, _ = lfilter(b.ravel(), a, halves, zi=lfilter_zi(b.ravel(), a) * halves[:, :1])
+        added[first : first + BLOCK] = share * np.diff(whole[:, ::2], axis=1)
+    return added

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.simulation.at_speed import added_at_speed
+from whisker_array.simulation.at_speed import BLOCK, added_at_speed
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.ringing import Ringing, ringing_of
@@ -74,6 +74,13 @@ def test_the_tip_rings_no_deeper_than_it_reaches() -> None:
     pit = np.where(np.abs(np.arange(60) - 30) < 5, -50.0, 0.0)
     reach = np.maximum(pit, -TOUCH.preload_mm)
     np.testing.assert_array_equal(added(pit), added(reach))
+
+
+def test_many_lines_ring_as_each_alone() -> None:
+    lines = np.random.default_rng(1).uniform(-0.3, 0.0, (2 * BLOCK + 3, 40))
+    together = added(lines)
+    for k in (0, BLOCK - 1, BLOCK, 2 * BLOCK + 2):
+        np.testing.assert_array_equal(together[k], added(lines[k])[0])
 
 
 def test_a_touch_without_a_known_whisker_is_as_on_a_slow_stage() -> None:
