@@ -1,17 +1,18 @@
 """The dynamic whisker over stamped grooves: its traces, and its errors against speed beside those of the small model.
 
-`python -m docs.speed_figure` prints the table of `docs/pages/physics.md`.
+`python -m docs.speed_figure` prints the table of `docs/pages/physics.md`, and that of `docs/pages/results-whisker.md`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, note, styled
+from tests.benchmarks.whisker_study import BY_CORRELATION
 from tests.proof.dynamic import FINE_ERROR, SpeedCost, speed_cost
 from tests.proof.small_model import SpeedErrors, speed_errors
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
@@ -107,13 +108,33 @@ def _dress(axes: Axes, title: str) -> None:
 
 def table(speeds_mm_s: tuple[float, ...] = (20.0, 35.0, 50.0, 70.0, 100.0, 140.0)) -> str:
     """Errors of the edge map in Markdown, percent of the signal: with mass, and of the small model."""
-    rows = [["walls", *(f"{speed:g} mm/s" for speed in speeds_mm_s)], ["---"] * (1 + len(speeds_mm_s))]
+    head = ("walls", *(f"{speed:g} mm/s" for speed in speeds_mm_s))
+    return _rows(head, ((f"{bevel:g}°", errors) for bevel, errors in errors_by_speed(speeds_mm_s).items()))
+
+
+def whisker_table(speed_mm_s: float = SAFE_SPEED_MM_S) -> str:
+    """The same for the whiskers of the study, by the bevel of the walls."""
+    usual, rows = default_touch(HEIGHT_MM), []
+    for cell in BY_CORRELATION:
+        whisker = cell.whisker(HEIGHT_MM)
+        errors = [
+            speed_errors(
+                whisker, usual.with_whisker(whisker), speed_mm_s=speed_mm_s, height_mm=HEIGHT_MM,
+                bevel_rad=math.radians(bevel),
+            )
+            for bevel in BEVELS_DEG
+        ]  # fmt: skip
+        rows.append((cell.name, errors))
+    return _rows(("cell", *(f"walls of {bevel:g}°" for bevel in BEVELS_DEG)), rows)
+
+
+def _rows(head: Sequence[str], errors: Iterable[tuple[str, Sequence[SpeedErrors]]]) -> str:
+    rows = [head, ["---"] * len(head)]
     rows += [
-        [f"{bevel:g}°", *(f"{100.0 * e.with_mass:.1f}; {100.0 * e.model:.1f}" for e in errors)]
-        for bevel, errors in errors_by_speed(speeds_mm_s).items()
+        [name, *(f"{100.0 * e.with_mass:.1f}; {100.0 * e.model:.1f}" for e in line)] for name, line in errors
     ]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 if __name__ == "__main__":
-    print(table())
+    print(table(), whisker_table(), sep="\n\n")

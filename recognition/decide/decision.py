@@ -94,6 +94,7 @@ class ReadingFlag(Flag):
     LINE_MISSING = Kind.CONTRACT, "a requested line was not found (check the part)"
     STRUCK_OUT = Kind.CONTRACT, "a line runs through the serial, as if it were struck out (look at the part)"
     SPOT = Kind.CONTRACT, "a glint or a spot lies on a character (move the lamp, or clean the part)"
+    COVERED = Kind.CONTRACT, "something lies on a character (clean the part and scan it again)"
     NOT_WHOLE = Kind.CONTRACT, "a character was not felt from edge to edge (scan a longer or wider stretch)"
     TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to distinguish two characters (feel more lines)"
     BELIEVED_OTHERWISE = Kind.CONTRACT, "an earlier look read another text (look at the part)"

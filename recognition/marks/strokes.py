@@ -65,11 +65,15 @@ class RivalStrokes:
 
 @dataclass(frozen=True)
 class PlaceStrokes:
-    """Felt strokes of the character that was read at a place, and those of its rivals."""
+    """Felt strokes of the character that was read at a place, and those of its rivals.
+
+    `felt` is a share of the strokes that are not `covered`: above those the surface rises over the land.
+    """
 
     felt: float | None
     score: float = 0.0
     rivals: tuple[RivalStrokes, ...] = ()
+    covered: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,9 @@ class _Strokes:
 
     def share_felt(self) -> float:
         return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
+
+    def share_covered(self) -> float:
+        return 1.0 - float(self.open.mean()) if self.open.size else 0.0
 
 
 class StrokeSurface:
@@ -181,7 +188,9 @@ def strokes_of(
             if rival in font.glyphs:
                 pose = felt.lay(k, rival, font, laid.face, about=character.pose, spread=POSE_SD_REFINED).pose
                 rivals.append(_compare(of_char, surface.strokes(k, rival, font, pose), rival, belief, filled))
-        strokes.append(PlaceStrokes(of_char.share_felt(), character.fit, tuple(rivals)))
+        strokes.append(
+            PlaceStrokes(of_char.share_felt(), character.fit, tuple(rivals), of_char.share_covered())
+        )
     return tuple(strokes)
 
 

@@ -35,6 +35,7 @@ from recognition.decide.judges.senses import (
     spots,
 )
 from recognition.decide.judges.strokes import (
+    covered_characters,
     cut_characters,
     guessed_characters,
     missing_strokes,
@@ -53,7 +54,9 @@ JUDGES: tuple[Judge, ...] = (
     low_confidence,
 )  # fmt: skip
 """Rules that a text must keep, family by family."""
-JUDGES_OF_SURE: tuple[Judge, ...] = (other_texts, struck_out, too_few_lines, certificate)
+JUDGES_OF_SURE: tuple[Judge, ...] = (
+    other_texts, struck_out, covered_characters, too_few_lines, certificate,
+)  # fmt: skip
 """Rules for a text that would be sure otherwise, in turn."""
 
 

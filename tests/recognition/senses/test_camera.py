@@ -174,6 +174,27 @@ def test_a_serial_that_is_struck_out_is_not_accepted_by_either_sense(
         assert reader.read(data).decision is Decision.ACCEPT
 
 
+@pytest.mark.parametrize("place", [3, 4])
+def test_a_drop_on_a_character_is_not_read_as_a_0(
+    reader: Reader, photo: tuple[StampedPart, Photo], place: int
+) -> None:
+    """Its outline is as sharp as a mark, but nothing of the character below it was felt."""
+    part, picture = photo
+    surface = part.height_map
+    x0, y0, x1, y1 = part.boxes_mm[place]
+    y, x = np.indices(surface.shape) * surface.pitch_mm
+    off = ((x - 0.5 * (x0 + x1)) / 1.5) ** 2 + ((y - 0.5 * (y0 + y1)) / 2.4) ** 2
+    drop = np.exp(-(off**2))
+    z_mm = np.where(drop < 0.05, surface.z_mm, 0.3 * drop).astype(np.float32)
+    felt = Reader(replace(SETTINGS, accept_risk=0.1)).read(replace(surface, z_mm=z_mm))
+    assert felt.decision is not Decision.ACCEPT
+    (covered,) = (finding for finding in felt.findings if finding.flag is ReadingFlag.COVERED)
+    assert covered.places == (place + 1,)
+    assert "clean the part and scan it again" in covered.text
+    # a camera that is sure of the same text has seen it there
+    assert ReadingFlag.COVERED not in reader.read(part.height_map, picture).flags
+
+
 @pytest.mark.parametrize("level", [255, 15])
 @pytest.mark.parametrize("place", [1, 3])
 def test_a_spot_on_a_character_keeps_the_part_from_acceptance(
