@@ -110,7 +110,7 @@ class Bench:
     def calibrate(self, order: Pass) -> Calibration:
         """Measure gains in V per N mm, independent of `volt_per_n_mm`, and offsets in V, in a pass over bare land.
         Raises SensorError: there are too few samples, or a whisker does not touch the land."""
-        touch = self.settings.touch()
+        touch = self.settings.fitting().touch
         moves = moves_of(order, self.settings, preload_mm=touch.preload_mm)
         air, land, _ = samples(self.run(moves), order, moves)
         by_whisker = np.argsort(moves.whisker)
@@ -165,7 +165,8 @@ def raster_passes(
     whisker crosses the whole region, there and back, on the lines of a test piece; the lines of a pass are in the order
     of the whiskers, however the comb is turned, so that each keeps its column."""
     usual = default_plan(
-        region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions), two_way=each_whisker,
+        region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions), speed_mm_s=fitting.speed_mm_s,
+        two_way=each_whisker,
         lines_per_height=PIECE_LINES if each_whisker else LINES_PER_HEIGHT,
     )  # fmt: skip
     between = math.ceil(fitting.array.pitch_mm / usual.line_pitch_mm - 1e-9)

@@ -11,8 +11,9 @@ from pydantic import Field, model_validator
 from pipeline.common.parsed import Finite, Strict, read_toml
 from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
+from whisker_array.whisker.array import usual_speed_mm_s
 from whisker_array.whisker.comb import WhiskerArray
-from whisker_array.whisker.touch import Touch, default_touch
+from whisker_array.whisker.touch import default_touch
 
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 Span = tuple[Finite, Finite]
@@ -120,20 +121,18 @@ class BenchSettings(Strict):
         gains = self.daq.volt_per_n_mm
         return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
 
-    def touch(self) -> Touch:
-        """The mounted whiskers. Raises FileError: the whisker's file cannot be used."""
-        if self.comb.whisker is not None:
-            return read_whisker_file(self.comb.whisker).touch
-        return default_touch(self.comb.character_height_mm)
-
     def fitting(self, part_id: str = "") -> Fitting:
-        """The mounted comb and its field in the plate's frame; the session supplies the gains."""
+        """The mounted comb, its speed, and its field in the plate's frame; the session supplies the gains. Raises
+        FileError: the whisker's file cannot be used."""
+        height, path = self.comb.character_height_mm, self.comb.whisker
+        built = None if path is None else read_whisker_file(path)
         return Fitting(
-            touch=self.touch(),
+            touch=default_touch(height) if built is None else built.touch,
             array=WhiskerArray(self.comb.n_whiskers, self.comb.pitch_mm),
-            height_mm=self.comb.character_height_mm,
+            height_mm=height,
             field_mm=self.plate.field_mm,
             part_id=part_id,
+            speed_mm_s=usual_speed_mm_s(height) if built is None else built.speed_mm_s,
         )
 
     def run_up_mm(self, speed_mm_s: float) -> float:

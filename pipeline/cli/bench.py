@@ -177,7 +177,7 @@ def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> N
     from pipeline.plots.bench_picture import moves_figure
     from pipeline.plots.pictures import save_figure
 
-    preload = settings.touch().preload_mm
+    preload = settings.fitting().touch.preload_mm
     moves = [moves_of(order, settings, preload_mm=preload) for order in passes]
     for k, (order, move) in enumerate(zip(passes, moves, strict=True), start=1):
         (x0, y0), (x1, y1) = move.begin_mm, move.end_mm

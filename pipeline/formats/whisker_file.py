@@ -33,7 +33,7 @@ from pipeline.errors import DataError, naming
 from pipeline.formats.touch_file import read_height_map
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.knowledge import Knowledge
-from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH, usual_speed_mm_s
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
@@ -146,7 +146,7 @@ def _built(written: _L | _Straight) -> WhiskerFile:
         character_height_mm=height,
         line_pitch_mm=lines,
         sample_pitch_mm=written.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
-        speed_mm_s=written.speed_mm_s or min(10.0 * height, SAFE_SPEED_MM_S),
+        speed_mm_s=written.speed_mm_s or usual_speed_mm_s(height),
         known=written.identified.knowledge() if written.identified is not None else None,
     )
 

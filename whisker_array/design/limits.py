@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from glyphs.errors import MarksError
 from glyphs.ranges import Positive, Validated
 from glyphs.surface.display import OneLine
-from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH, usual_speed_mm_s
 from whisker_array.whisker.sections import MUSIC_WIRE, Material
 from whisker_array.whisker.validity import LINEAR_ERROR_LIMIT
 
@@ -89,8 +89,8 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def least_speed_mm_s(self) -> float:
-        """Least scan speed; default: 10 heights per second, at most SAFE_SPEED_MM_S."""
-        return self.speed_mm_s or min(10.0 * self.character_height_mm, SAFE_SPEED_MM_S)
+        """Least scan speed; default: the usual one."""
+        return self.speed_mm_s or usual_speed_mm_s(self.character_height_mm)
 
     @property
     def line_pitch_mm(self) -> float:

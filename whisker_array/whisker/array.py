@@ -149,6 +149,11 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
         return math.fsum(len(line_mm) * first.stage_s for first, line_mm in self._ways())
 
 
+def usual_speed_mm_s(character_height_mm: float) -> float:
+    """Usual speed: 10 character heights a second, but at most `SAFE_SPEED_MM_S`."""
+    return min(10.0 * character_height_mm, SAFE_SPEED_MM_S)
+
+
 def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int = 1) -> WhiskerArray:
     """Default whiskers in one row, one character height apart, the closest for their ribbons in half heights.
 
@@ -179,8 +184,8 @@ def default_plan(
 ) -> RasterPlan:
     """Return a raster scaled to the character height, by default with 40 lines per height and the default comb.
 
-    The sample pitch is always that for 40 lines, because samples cost no stage time. The default speed is 10 character
-    heights per second, but at most `SAFE_SPEED_MM_S`.
+    The sample pitch is always that for 40 lines, because samples cost no stage time. The default speed is the usual
+    one.
     """
     line_pitch = character_height_mm / lines_per_height
     return RasterPlan(
@@ -189,7 +194,7 @@ def default_plan(
         line_pitch_mm=line_pitch,
         sample_pitch_mm=character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH),
         directions=directions,
-        speed_mm_s=speed_mm_s if speed_mm_s is not None else min(10.0 * character_height_mm, SAFE_SPEED_MM_S),
+        speed_mm_s=speed_mm_s if speed_mm_s is not None else usual_speed_mm_s(character_height_mm),
         lead_mm=0.3 * character_height_mm,
         two_way=two_way,
     )

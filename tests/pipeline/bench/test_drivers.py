@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.bench.bench import Bench, raster_passes
 from pipeline.bench.moves import comb_turn_deg
+from pipeline.formats.whisker_file import WhiskerFile, write_whisker_file
 from recognition.see.levelling import level
 from tests.support.bench import FIRMWARE, HEIGHT_MM, PITCH_MM, a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
@@ -23,6 +25,8 @@ from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.array import ALL_DIRECTIONS, PIECE_LINES
 from whisker_array.whisker.comb import WhiskerArray
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.touch import default_touch
 
 LIFTED_MM = -30.0 + 5.0
 """Machine z at which tips are carried."""
@@ -63,7 +67,7 @@ def test_passes_in_all_directions_feel_what_the_simulated_stage_feels(firmware: 
     part = on_plate(level(stamped()), bench_settings())
     alone = SimulatedSession(
         part,
-        touch=bench_settings().touch(),
+        touch=bench_settings().fitting().touch,
         array=WhiskerArray(3, PITCH_MM),
         height_mm=HEIGHT_MM,
         sample_pitch_mm=HEIGHT_MM / 80.0,
@@ -81,6 +85,19 @@ def test_passes_in_all_directions_feel_what_the_simulated_stage_feels(firmware: 
             assert np.sqrt((off**2).mean(axis=1))[marked].max() < 0.15
             assert emulated.world.place_mm["Z"] == pytest.approx(LIFTED_MM)
         session.close()
+
+
+def test_passes_run_at_the_speed_of_the_whiskers_file(tmp_path: Path) -> None:
+    usual = bench_settings()
+    path = tmp_path / "slow.toml"
+    whisker, touch = default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM)
+    write_whisker_file(path, WhiskerFile(whisker, touch, HEIGHT_MM, 0.1, 0.05, speed_mm_s=12.0))
+    slow = usual.model_copy(update={"comb": usual.comb.model_copy(update={"whisker": path})})
+    for settings, speed in ((usual, 10.0 * HEIGHT_MM), (slow, 12.0)):
+        fitting = settings.fitting()
+        assert fitting.speed_mm_s == speed
+        orders = raster_passes(fitting, (2.0, 2.0, 8.0, 8.0), ALL_DIRECTIONS)
+        assert {order.speed_mm_s for order in orders} == {speed}
 
 
 def test_every_whisker_crosses_a_test_piece_and_keeps_its_column() -> None:

@@ -49,7 +49,7 @@ class EmulatedBench:
         """
         rng = np.random.default_rng(seed)
         n, daq = settings.comb.n_whiskers, settings.daq
-        nominal = daq.range_v / (_RANGE_LAND_MOMENTS * abs(settings.touch().land_moment_n_mm()))
+        nominal = daq.range_v / (_RANGE_LAND_MOMENTS * abs(settings.fitting().touch.land_moment_n_mm()))
         amplifier = Amplifier(
             gain_v_per_n_mm=nominal * (1.0 + _GAIN_SD * np.clip(rng.standard_normal(n), -3.0, 3.0)),
             offset_v=_OFFSET_SD * daq.range_v * rng.standard_normal(n),

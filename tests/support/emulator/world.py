@@ -72,7 +72,7 @@ class World:
             MapError: a map that cannot be felt.
         """
         self._bench, self.amplifier, self.pace = bench, amplifier, pace
-        self._touch = bench.touch()
+        self._touch = bench.fitting().touch
         self._step_mm = bench.comb.character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH)
         self._part = Mounted(
             on_plate(level(part), bench),
