@@ -57,7 +57,7 @@ class RasterPlan(OneLine, Validated, error=WhiskerError):
     line_pitch_mm: Positive
     sample_pitch_mm: Positive
     directions: tuple[TraceDirection, ...] = field(default=ALL_DIRECTIONS)
-    speed_mm_s: Positive = 50.0
+    speed_mm_s: Positive = SAFE_SPEED_MM_S
     lead_mm: NotNegative = 1.0
     air_samples: Count = 16
     turnaround_s: NotNegative = 0.25
