@@ -13,6 +13,9 @@ from recognition.see.virtual_array import VirtualArray
 from tests.benchmarks.whisker_study import (
     BY_CORRELATION,
     CELLS,
+    ROWS,
+    SPEED_CELLS,
+    SPEED_ROWS,
     Cell,
     CellArray,
     Readings,
@@ -21,9 +24,11 @@ from tests.benchmarks.whisker_study import (
     add_part,
     load_parts,
     report,
+    speed_tables,
 )
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.enhancement import moment_ratio
+from whisker_array.whisker.ringing import ringing_of
 
 PAGE = Path(__file__).parents[3] / "docs" / "pages" / "results-whisker.md"
 HEIGHTS_MM = (3.5, 5.0, 8.0)
@@ -40,13 +45,23 @@ def row(text: str, score: float, *, edits: int = 0, accepted: bool = False, brok
 
 def test_the_page_has_the_tables_of_the_kept_rows() -> None:
     page = PAGE.read_text(encoding="utf-8").splitlines()
-    missing = [line for line in report(load_parts()) if line.startswith(("|", "Mean")) and line not in page]
+    tables = (*report(load_parts()), *speed_tables(load_parts(SPEED_ROWS)))
+    missing = [line for line in tables if line.startswith(("|", "Mean")) and line not in page]
     assert not missing
 
 
-def test_every_part_has_a_row_for_every_cell() -> None:
-    for part in load_parts():
-        assert [row.cell for row in part.rows if row.by == "reader"] == [cell.name for cell in CELLS]
+@pytest.mark.parametrize(("path", "cells"), [(ROWS, CELLS), (SPEED_ROWS, SPEED_CELLS)])
+def test_every_part_has_a_row_for_every_cell(path: Path, cells: tuple[Cell, ...]) -> None:
+    for part in load_parts(path):
+        assert [row.cell for row in part.rows if row.by == "reader"] == [cell.name for cell in cells]
+
+
+def test_whiskers_ring_in_the_cells_of_speed_alone() -> None:
+    for cell in (*CELLS, *SPEED_CELLS):
+        ringing = CellArray(cell=cell).touch(5.0).ringing
+        assert (ringing is None) == (cell.factor != "speed")
+        if ringing is not None:
+            assert ringing.held_hz == pytest.approx(ringing_of(cell.whisker(5.0)).held_hz / cell.speed)
 
 
 @pytest.mark.parametrize("height_mm", HEIGHTS_MM)
