@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.proof.dynamic import groove, speed_cost, whisker_modes
-from tests.proof.small_model import speed_errors
+from tests.proof.small_model import feet, speed_errors, true_gain
 from whisker_array.simulation.at_speed import added_at_speed
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.ringing import ringing_of
@@ -62,6 +62,12 @@ def test_over_all_speeds_the_errors_are_equal_on_average(l2_mm: float) -> None:
         errors = speed_errors(foot(l2_mm), touch, speed_mm_s=speed, height_mm=HEIGHT)
         ratios.append(math.log(errors.model / errors.with_mass))
     assert math.exp(float(np.mean(ratios))) == pytest.approx(1.0, abs=0.35)
+
+
+@pytest.mark.parametrize("name", ["straight", "l2 = 2.5 mm", "l2 = 6 mm"])
+def test_the_gain_is_that_of_whiskers_with_mass(name: str) -> None:
+    whisker = feet()[name]
+    assert ringing_of(whisker).gain == pytest.approx(true_gain(whisker), rel=0.15)
 
 
 def test_the_error_is_that_of_the_same_speed_for_every_height() -> None:

@@ -34,8 +34,8 @@ class Ringing(OneLine, Validated, error=WhiskerError):
 def ringing_of(whisker: Whisker, *, straight: float = 4.2, foot: float = 40.0) -> Ringing:
     """Compute the ringing of a whisker; `straight` and `foot` were fitted to whiskers with mass.
 
-    The gain is straight (1 + foot k^1.5): straight whiskers have 4.22, whatever their section, k = 0.033, 0.083, 0.117
-    and 0.2 have 5.2, 8.7, 10 to 12 and 19 (`tests.proof.test_at_speed`).
+    The gain is straight (1 + foot k^1.5): with mass, straight whiskers have 4.2 to 4.5, and those of k = 0.033, 0.083,
+    0.117, 0.15 and 0.2 have 5.0, 8.2, 10.9, 15.8 and 19.7 (`python -m tests.proof.small_model`).
     """
     hz = first_bending_frequency_hz(whisker, tip_held=True, in_plane=True, parts=8)
     return Ringing(held_hz=hz, gain=straight * (1.0 + foot * max(whisker.k, 0.0) ** 1.5))
