@@ -58,7 +58,7 @@ class Benchmark:
 
     def description(self) -> dict[str, Any]:
         """Everything on which the answers depend, except the number of parts, as JSON values."""
-        reading = self.reading
+        reading, files = self.reading, whiskers_in(self.modes)
         return {
             "parts": self.parts.description(),
             "modes": list(self.modes),
@@ -74,7 +74,7 @@ class Benchmark:
                 **({"experts": list(reading.experts)} if reading.experts else {}),
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
-            **{str(path): file_sha256(path) for path in whiskers_in(self.modes)},
+            **({"whiskers": {str(path): file_sha256(path) for path in files}} if files else {}),
             "scores": json.loads(FITTED.read_text(encoding="utf-8"))["scores"],
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),

@@ -90,7 +90,7 @@ def covered_characters(
 ) -> Iterator[Finding]:
     """Report characters that were not felt at all, because something lies on them: its outline may read as a 0.
 
-    The others were felt all but whole, so it is not the marks that are unlike the font. Four drops of weld on a
+    The others were felt all but whole, so it is not the marks that are unlike the font. Four drops on a
     character had no stroke felt and 0.4 to 1 covered; of 132 sure parts of four generators none breaks the rule.
     """
     marks, seen = choice.marks, choice.alone.get("vision")
