@@ -128,7 +128,7 @@ def run(
     except ValueError as error:
         raise SettingsError(f"--accept-risk is {accept_risk!r}: {error}") from error
     felt_with = whisker or []
-    array = VirtualArray(sensors=Sensors(sensors), fidelity=Fidelity(fidelity), speed_mm_s=speed_mm_s)
+    array = VirtualArray(sensors=Sensors(sensors), fidelity=Fidelity(fidelity), given_speed_mm_s=speed_mm_s)
     if felt_with:
         array = with_whisker_file(array, felt_with[0])
     try:

@@ -90,7 +90,7 @@ def scan(
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
     array = VirtualArray(
         built.touch if built else None, Sensors(sensors), Fidelity(fidelity), seed,
-        speed_mm_s=speed_mm_s or (built.speed_mm_s if built else None),
+        given_speed_mm_s=speed_mm_s, whisker_speed_mm_s=built.speed_mm_s if built else None,
     )  # fmt: skip
     bench = VirtualBench(surface, height, array, soil, friction, height_map.stem).mounted()
     if active:

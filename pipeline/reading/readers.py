@@ -83,18 +83,18 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
     usual = VirtualArray(
         sensors=Sensors(settings.sensors),
         fidelity=Fidelity(settings.fidelity),
-        speed_mm_s=settings.speed_mm_s,
+        given_speed_mm_s=settings.speed_mm_s,
     )
     return usual if settings.whisker is None else with_whisker_file(usual, settings.whisker)
 
 
 def with_whisker_file(array: VirtualArray, path: Path) -> VirtualArray:
-    """The array with the whisker of a file, and its speed if the array has none. Raises FileError: the file cannot be
+    """The array with the whisker of a file and its speed, unless one is given. Raises FileError: the file cannot be
     used."""
     from pipeline.formats.whisker_file import read_whisker_file
 
     built = read_whisker_file(path)
-    return replace(array, whisker=built.touch, speed_mm_s=array.speed_mm_s or built.speed_mm_s)
+    return replace(array, whisker=built.touch, whisker_speed_mm_s=built.speed_mm_s)
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:

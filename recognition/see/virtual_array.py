@@ -30,10 +30,16 @@ class VirtualArray:
     noise_seed: int | None = None
     # range of the converter in moments on the land; on edges it is up to twice that moment
     range_land_moments: float = 3.0
-    # speed of the stage (default: that of the plan)
-    speed_mm_s: float | None = None
+    # speed of the stage, and that for which the whisker is meant (default: that of the plan)
+    given_speed_mm_s: float | None = None
+    whisker_speed_mm_s: float | None = None
 
     __repr__ = one_line
+
+    @property
+    def speed_mm_s(self) -> float | None:
+        """Speed of the stage; None: that of the plan."""
+        return self.given_speed_mm_s or self.whisker_speed_mm_s
 
     def touch(self, height_mm: float) -> Touch:
         """Touch of the whiskers for characters of a height."""

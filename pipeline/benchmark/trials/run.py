@@ -223,7 +223,7 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
         array=VirtualArray(
             sensors=Sensors(reading["sensors"]),
             fidelity=Fidelity(reading["fidelity"]),
-            speed_mm_s=reading.get("speed_mm_s"),
+            given_speed_mm_s=reading.get("speed_mm_s"),
         ),
         orientation=Orientation(reading["orientation"]),
         accept_risk=reading["accept_risk"],

@@ -52,7 +52,7 @@ def test_the_same_array_feels_every_part_and_again_with_other_noise() -> None:
 
 
 def test_the_speed_of_an_array_is_that_of_its_plans_and_passes() -> None:
-    usual, slow = VirtualBench(LAND, 5.0), VirtualBench(LAND, 5.0, VirtualArray(speed_mm_s=20.0))
+    usual, slow = VirtualBench(LAND, 5.0), VirtualBench(LAND, 5.0, VirtualArray(given_speed_mm_s=20.0))
     assert (usual.whole.speed_mm_s, slow.whole.speed_mm_s) == (50.0, 20.0)
     assert (usual.open_session().fitting.speed_mm_s, slow.open_session().fitting.speed_mm_s) == (50.0, 20.0)
     assert slow.scan().sample_rate_hz == pytest.approx(0.4 * usual.scan().sample_rate_hz)

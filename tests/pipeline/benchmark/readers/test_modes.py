@@ -105,6 +105,10 @@ def test_modes_of_touch_also_feel_with_other_whiskers(tmp_path: Path) -> None:
     # at half the speed (turns take as long), and the camera is charged to both
     assert trials[named[3]].scan_s > 1.5 * trials["tactile"].scan_s
     assert trials[named[4]].compute_s > trials["vision"].compute_s
+    # a file's speed is that of its whisker alone, whichever is the first
+    first = replace(benchmark.reading.array, whisker_speed_mm_s=40.0)
+    again = replace(benchmark, modes=(named[3],), reading=replace(benchmark.reading, array=first))
+    assert run_benchmark(again, tmp_path / "again")[0].scan_s == trials[named[3]].scan_s
     # another whisker in the file is another benchmark
     path.write_text(WHISKER.replace("l2_mm = 6.0", "l2_mm = 5.0"))
     with pytest.raises(FileError, match="another benchmark"):
