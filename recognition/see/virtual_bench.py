@@ -17,7 +17,7 @@ from recognition.see.virtual_array import USUAL_ARRAY, VirtualArray
 from whisker_array.scan.mounting import VirtualBench as BenchOptions
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
-from whisker_array.whisker.array import RasterPlan, default_plan
+from whisker_array.whisker.array import SAFE_SPEED_MM_S, RasterPlan, default_plan
 from whisker_array.whisker.touch import Touch, profiling_touch
 
 
@@ -73,7 +73,7 @@ class VirtualBench:
             sample_pitch_mm=usual.sample_pitch_mm,
             calibration=known,
             part_id=self.part_id,
-            speed_mm_s=usual.speed_mm_s,
+            speed_mm_s=self.array.speed_mm_s or SAFE_SPEED_MM_S,
             **options,
         )
 
