@@ -12,7 +12,7 @@ Only a doubtful part is looked at again; a photograph that lies upside down is t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import permutations
@@ -70,26 +70,20 @@ def other_layout(
         sure = bool(choice.text) and choice.probability * main.count_probability >= doubtful
         if sure and (grammar is not None or len(choice.text) >= least_places):
             return None
-    likely = _places((*search.candidates()[:1], *(() if main is None else (main.line,))))
-    lines = _places((*likely, *candidates, *search.candidates()))
-    return next(_layouts(search, main, likely, lines), None)
-
-
-def _places(lines: Iterable[TextLine]) -> list[TextLine]:
-    places: list[TextLine] = []
-    for line in lines:
-        if not any(is_same_place(line, other) for other in places):
-            places.append(line)
-    return places
+    lines: list[TextLine] = []
+    for line in (
+        *search.candidates()[:1],
+        *(() if main is None else (main.line,)),
+        *candidates,
+        *search.candidates(),
+    ):
+        if not any(is_same_place(line, other) for other in lines):
+            lines.append(line)
+    return next(_layouts(search, main, lines), None)
 
 
 def _layouts(
-    search: Search,
-    main: ReadLine | None,
-    likely: Sequence[TextLine],
-    lines: Sequence[TextLine],
-    *,
-    least_gain_nats: float = 2.0,
+    search: Search, main: ReadLine | None, lines: Sequence[TextLine], *, least_gain_nats: float = 2.0
 ) -> Iterator[Layout]:
     limits, grammar = search.request.limits, search.request.grammar
     least = least_gain_nats + (0.0 if main is None else promise_of(main))
@@ -98,11 +92,11 @@ def _layouts(
         reads_well = is_convincing(read, limits.sure) and promise_of(read[0]) > least
         return choose(read[0].lattice, grammar, k=1).text if reads_well else ""
 
-    other_way = search.read([line.reversed for line in likely], cheap=True)
+    other_way = search.read([line.reversed for line in lines[:2]], cheap=True)
     if text := text_of(other_way):
         yield Layout(LayoutKind.UPSIDE_DOWN, (text,), other_way[0].line)
     mirror = search.on(search.view.mirrored)
-    there = [line_in_view(line, search.view, Way.ROWS_REVERSED) for line in likely]
+    there = [line_in_view(line, search.view, Way.ROWS_REVERSED) for line in lines[:2]]
     if text := text_of(mirror.read([*there, *(line.reversed for line in there)], cheap=True)):
         yield Layout(LayoutKind.MIRRORED, (text,))
     lengths = () if grammar is None else sorted(grammar.lengths() or ())[:3]
