@@ -327,7 +327,7 @@ def _from_machine(workers: WorkerSettings, service: ServiceSettings) -> str:
     from pipeline.service.connections import connections_of_address, most_connections
     from pipeline.workers.machine import Machine
 
-    machine, most = Machine.of(workers.processes, service.worker_memory_mb), most_connections()
+    machine, most = Machine.of(workers.processes), most_connections()
     return f"""\
 # What the service takes from this machine, for {workers.processes} processes that read:
 # memory of each process             {machine.worker_memory_mb:,} MB

@@ -174,7 +174,7 @@ class Service:
         used. SettingsError: a certificate does not fit program and settings, or the watched folder's job is missing."""
         self.settings = settings
         workers = workers or PoolSettings()
-        machine = machine or Machine.of(workers.processes, settings.worker_memory_mb)
+        machine = machine or Machine.of(workers.processes)
         self.upload_bytes = machine.upload_bytes
         self._started_s = time.monotonic() if started_s is None else started_s
         self._logged_why = ""

@@ -281,7 +281,7 @@ class ServiceSettings(Settings):
 
     table: ClassVar[str] = "service"
     replaced: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("connections", "queue"), ""),
+        **dict.fromkeys(("connections", "queue", "worker_memory_mb"), ""),
         **dict.fromkeys(("limits.photo_pixels", "limits.map_samples", "log"), ""),
         **dict.fromkeys(("limits.upload_mb", "upload_mb"), ""),
         "part_timeout_s": GIVEN_UP,
@@ -323,9 +323,6 @@ class ServiceSettings(Settings):
     root_path: Annotated[str, AfterValidator(_prefix)] = ""
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
-    worker_memory_mb: int | None = Field(default=None, ge=0, le=1_000_000)
-    """Memory for the data of each process, in MB; 0: no limit. Default: its share of the machine's, 4096 at least. The
-    largest photograph, height map and request follow from it."""
     device_timeout_s: Seconds = 60.0
     """Seconds within which a stage must answer a pass, and a camera must have the photographs of a part; a whole
     plan has twice its own duration beside."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import Limits
@@ -22,7 +24,7 @@ _MEMORY_OF_UPLOAD = 40
 
 @dataclass(frozen=True)
 class Machine:
-    """Limits of a service on one machine: memory of a worker (0: no limit), waiting parts, sizes of files."""
+    """Limits of a service on one machine: memory of a worker, waiting parts, sizes of files."""
 
     worker_memory_mb: int = LEAST_WORKER_MB
     waiting_parts: int = 2 * WAITING_PER_WORKER
@@ -30,23 +32,42 @@ class Machine:
     upload_bytes: int = LEAST_UPLOAD
 
     @classmethod
-    def of(cls, workers: int, memory_mb: int | None = None) -> Machine:
-        """The limits for so many workers on this machine, each with `memory_mb` (0: no limit; default: its share)."""
-        share_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))
-        size = 1_000_000 * (memory_mb or share_mb)
+    def of(cls, workers: int) -> Machine:
+        """The limits for so many workers on this machine."""
+        memory_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))
+        size = 1_000_000 * memory_mb
         files = Limits(min(size // _PIXEL_BYTES, MAX_PIXELS), min(size // _SAMPLE_BYTES, MAX_PIXELS))
-        return cls(
-            share_mb if memory_mb is None else memory_mb,
-            WAITING_PER_WORKER * workers,
-            files,
-            max(LEAST_UPLOAD, size // _MEMORY_OF_UPLOAD),
-        )
+        upload = max(LEAST_UPLOAD, size // _MEMORY_OF_UPLOAD)
+        return cls(memory_mb, WAITING_PER_WORKER * workers, files, upload)
 
 
 def memory_share_mb(workers: int) -> int:
-    """A worker's share of the machine's memory, in MB; 0 if unknown."""
+    """A worker's share of the memory of the machine, or of its container or unit, in MB; 0 if unknown."""
     try:
         total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):
         return 0
-    return max(1024, int(0.9 * total / (1 << 20) / max(1, workers)))
+    share_mb = max(1024, _share_mb(total, workers))
+    group = group_limit()
+    return share_mb if group is None else min(share_mb, max(LEAST_WORKER_MB, _share_mb(group, workers)))
+
+
+def _share_mb(total: int, workers: int) -> int:
+    return int(0.9 * total / (1 << 20) / max(1, workers))
+
+
+def group_limit(
+    process: Path = Path("/proc/self/cgroup"), groups: Path = Path("/sys/fs/cgroup")
+) -> int | None:
+    """Memory limit of a container or unit in bytes (Linux, cgroup v2), the least of its groups; None if it has none."""
+    try:
+        group = process.read_text(encoding="ascii").partition("0::/")[2].strip()
+    except OSError:
+        return None
+    limits = []
+    for folder in (groups / group, *(groups / group).parents):
+        if folder.is_relative_to(groups):
+            # no file in the root group, and "max" for no limit
+            with contextlib.suppress(OSError, ValueError):
+                limits.append(int((folder / "memory.max").read_text(encoding="ascii")))
+    return min(limits, default=None)

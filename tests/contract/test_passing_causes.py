@@ -160,22 +160,3 @@ def test_a_clock_far_ahead_deletes_nothing_and_a_hangup_drains(watching: Running
     watching.process.send_signal(signal.SIGHUP)
     watching.process.wait(60.0)
     assert "Finished server process" in watching.log
-
-
-def test_parts_are_answered_with_the_cause_while_no_worker_can_start(
-    tmp_path: Path, height_map: Path
-) -> None:
-    options = ("--jobs", "1", "--format", "A9", "--tokens", "off", "--worker-memory-mb", "40")
-    with (
-        run_service(tmp_path, *options, ready=False) as service,
-        httpx.Client(base_url=service.url, timeout=120.0) as http,
-    ):
-        part = http.post("/v1/parts", files={"scan": ("part.npz", height_map.read_bytes())})
-        assert part.status_code == 503
-        assert "start: " in part.json()["detail"]
-        assert int(part.headers["Retry-After"]) > 0
-        wait_until(lambda: "no worker can start: " in http.get("/readyz").text, service.process)
-        ready = http.get("/readyz")
-        assert ready.status_code == 503
-        assert "it may use 40 MB of memory" in ready.json()["detail"]
-        assert http.get("/healthz").status_code == 200

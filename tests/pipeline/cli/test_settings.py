@@ -30,6 +30,7 @@ from pipeline.cli.settings import (
 )
 from pipeline.common.settings import PartSettings, ReadSettings, SettingsError
 from pipeline.service.settings import ServiceSettings
+from pipeline.workers import machine
 from pipeline.workers.options import PoolSettings, WorkerSettings
 
 FILE = Path("tactile-marks.toml")
@@ -410,14 +411,16 @@ def test_settings_shows_what_is_set_and_what_follows_from_the_machine(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     FILE.write_text('format = "AA99"\n[workers]\njobs = 2\n', encoding="utf-8")
-    monkeypatch.setenv("TACTILE_MARKS_SERVICE_WORKER_MEMORY_MB", "5000")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_DRAIN_S", "5")
+    monkeypatch.setattr(machine, "memory_share_mb", lambda _: 5000)
     assert main(["settings"]) == 0
     shown = capsys.readouterr().out
     lines = shown.splitlines()
     assert 'format = ["AA99"]' in lines
     assert "workers.jobs = 2" in lines
-    assert "service.worker_memory_mb = 5000" in lines
+    assert "service.drain_s = 5.0" in lines
     assert "#service.port = 8417" in lines
+    assert re.search(r"^# memory of each process +5,000 MB$", shown, re.MULTILINE)
     assert re.search(r"^# parts that wait for a process +64$", shown, re.MULTILINE)
     assert re.search(r"^# largest photograph +50,000,000 pixels$", shown, re.MULTILINE)
 

@@ -21,12 +21,18 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
+from pipeline.common.settings import ReadSettings
 from pipeline.reading.part_job import check_settings
 from pipeline.reading.triage import ReadPart
 from pipeline.service import worker_calls
+from pipeline.service.app import Service
+from pipeline.service.settings import ServiceSettings
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.web_server import DrainingServer
+from pipeline.service.web_app import create_app
 from pipeline.workers.executors import WorkerLostError
+from pipeline.workers.machine import Machine
+from pipeline.workers.options import PoolSettings
 from tests.support.service_fixtures import Served, inline_service
 from tests.support.store_samples import PLAN, reading
 from tests.support.waiting import wait_until
@@ -259,3 +265,19 @@ def test_an_unusable_database_is_opened_again_once_it_changes_and_forgotten_once
 def checks(service: Any) -> int:
     """Times that settings were checked in a worker."""
     return sum(function is check_settings for function, *_ in service.pool.jobs)
+
+
+def test_parts_are_answered_with_the_cause_while_no_worker_can_start(tmp_path: Path, plate: bytes) -> None:
+    service = Service(
+        ServiceSettings(folder=tmp_path), ReadSettings(format=("A9",)), PoolSettings(jobs=1),
+        machine=Machine(worker_memory_mb=40),
+    )  # fmt: skip
+    with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
+        answer = sent(client, plate)
+        assert is_server_fault(answer)
+        assert "start: " in answer.json()["detail"]
+        wait_until(lambda: "no worker can start: " in client.get("/readyz").text)
+        ready = client.get("/readyz")
+        assert ready.status_code == 503
+        assert "it may use 40 MB of memory" in ready.json()["detail"]
+        assert client.get("/healthz").status_code == 200

@@ -6,7 +6,8 @@ import pytest
 
 from pipeline.service.settings import MqttSettings, ServiceSettings, TcpSettings, host_and_port, is_loopback
 from pipeline.service.stage.devices import is_driver
-from pipeline.workers.machine import LEAST_UPLOAD, Machine
+from pipeline.workers import machine
+from pipeline.workers.machine import LEAST_WORKER_MB, Machine
 
 
 def test_nothing_need_be_set() -> None:
@@ -90,6 +91,33 @@ def test_a_device_is_a_driver_or_a_path(device: str, driver: bool) -> None:
     assert is_driver(device) == driver
 
 
-def test_more_memory_of_a_worker_takes_larger_requests() -> None:
-    assert Machine.of(1, 40).upload_bytes == LEAST_UPLOAD
-    assert Machine.of(1, 8192).upload_bytes == 2 * 102_400_000
+def test_more_memory_of_a_worker_takes_larger_requests(monkeypatch: pytest.MonkeyPatch) -> None:
+    for share_mb, upload in ((0, 102_400_000), (40, 102_400_000), (8192, 2 * 102_400_000)):
+        monkeypatch.setattr(machine, "memory_share_mb", lambda _, share_mb=share_mb: share_mb)
+        assert Machine.of(1).worker_memory_mb == max(LEAST_WORKER_MB, share_mb)
+        assert Machine.of(1).upload_bytes == upload
+
+
+@pytest.mark.parametrize(
+    ("of_unit", "of_slice", "limit"),
+    [("max", "max", None), ("8589934592", "max", 8 << 30), ("8589934592", "4294967296", 4 << 30)],
+)
+def test_the_memory_of_a_container_or_unit_counts(
+    tmp_path: Path, of_unit: str, of_slice: str, limit: int | None
+) -> None:
+    unit = tmp_path / "groups" / "line.slice" / "marks.service"
+    unit.mkdir(parents=True)
+    (unit / "memory.max").write_text(f"{of_unit}\n")
+    (unit.parent / "memory.max").write_text(f"{of_slice}\n")
+    process = tmp_path / "cgroup"
+    process.write_text("0::/line.slice/marks.service\n")
+    assert machine.group_limit(process, tmp_path / "groups") == limit
+    assert machine.group_limit(tmp_path / "none", tmp_path / "groups") is None
+
+
+def test_a_share_of_a_container_is_large_enough_to_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "group_limit", lambda: None)
+    alone_mb = machine.memory_share_mb(1)
+    for limit, share_mb in ((1 << 30, LEAST_WORKER_MB), (1 << 50, alone_mb)):
+        monkeypatch.setattr(machine, "group_limit", lambda limit=limit: limit)
+        assert machine.memory_share_mb(1) == min(alone_mb, share_mb)
