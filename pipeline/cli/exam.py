@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
-from pipeline.cli.shared import FidelityName, Flag, Jobs, Positive, SensorsName, Speed
+from pipeline.cli.shared import Flag, Jobs, Positive, SensorsName, Speed
 from pipeline.common.settings import SettingsError
 from pipeline.common.texts import first_of, split_commas
 
@@ -42,7 +42,6 @@ def run(
     perturb: Flag = False,
     experts: str = "",
     ablate: str = "",
-    fidelity: FidelityName = "contact",
     sensors: SensorsName = "real",
     whisker: Annotated[list[Path] | None, Parameter(negative="", consume_multiple=True)] = None,
     speed_mm_s: Speed = None,
@@ -90,7 +89,6 @@ def run(
         ablate: Rules of the decision to leave out, separated by commas: tactile, vision, lights and fused are also
             decided without each, as "tactile without unread-marks", and compared with the full decision. Rules are
             contracts and terms of the score; a wrong name lists them. Nothing is read again.
-        fidelity: Simulation of touch.
         sensors: Simulated sensors and stage that feel the parts: real (with the errors of scan) or ideal.
         whisker: Whisker files to feel with, as from design --out (default: a whisker for the character height). The
             modes read with the first; tactile and fused also with each of the others, as "tactile with long.toml".
@@ -114,7 +112,6 @@ def run(
     from recognition.see.virtual_array import VirtualArray
     from recognition.settings import ReaderSettings
     from whisker_array.scan.sensor import Sensors
-    from whisker_array.simulation.traces import Fidelity
 
     source = _parts(
         inputs, truth, design, parts, tuple(give or ()),
@@ -128,7 +125,7 @@ def run(
     except ValueError as error:
         raise SettingsError(f"--accept-risk is {accept_risk!r}: {error}") from error
     felt_with = whisker or []
-    array = VirtualArray(sensors=Sensors(sensors), fidelity=Fidelity(fidelity), given_speed_mm_s=speed_mm_s)
+    array = VirtualArray(sensors=Sensors(sensors), given_speed_mm_s=speed_mm_s)
     if felt_with:
         array = with_whisker_file(array, felt_with[0])
     try:

@@ -49,7 +49,7 @@ def scan(
         out: Recording to write, .h5.
         height_mm: Character height in mm, which sets the scale of array and raster (default: measured, which takes as
             long as reading the part).
-        fidelity: Simulation of touch.
+        fidelity: Simulation of touch: the ball of the tip in contact, or a point (faster, less accurate).
         sensors: Sensors and stage: real (gains, offsets, noise, drift, vibration, 16 bits, play and position errors,
             whiskers that ring at its speed), or ideal.
         seed: Random seed of the sensors: the same seed gives the same scan.

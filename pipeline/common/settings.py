@@ -333,8 +333,6 @@ class ReadSettings(MapSettings, PartSettings):
     """Another line on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
-    fidelity: Literal["pointwise", "contact"] = "contact"
-    """Simulation of touch: the ball of the tip in contact, or a point (faster, less accurate)."""
     sensors: Literal["real", "ideal"] = "real"
     """Simulated sensors and stage that feel height maps: real (gains, offsets, noise, drift, vibration, 16 bits, errors
     of position, ringing) or ideal."""

@@ -78,13 +78,8 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
     """The array that feels height maps. Raises FileError: the whisker's file cannot be used."""
     from recognition.see.virtual_array import VirtualArray
     from whisker_array.scan.sensor import Sensors
-    from whisker_array.simulation.traces import Fidelity
 
-    usual = VirtualArray(
-        sensors=Sensors(settings.sensors),
-        fidelity=Fidelity(settings.fidelity),
-        given_speed_mm_s=settings.speed_mm_s,
-    )
+    usual = VirtualArray(sensors=Sensors(settings.sensors), given_speed_mm_s=settings.speed_mm_s)
     return usual if settings.whisker is None else with_whisker_file(usual, settings.whisker)
 
 

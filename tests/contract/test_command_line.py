@@ -106,7 +106,7 @@ LEFT_OUT = ("calibrate", "identify", "import", "study", "worker", "completion")
         (2, ["read", "a.npz", "--height-mm", "tall"], "tall"),
         (2, ["read", "a.npz", "--height-mm", "-5"], "--height-mm"),
         (2, ["read", "a.npz", "--mode", "smell"], "smell"),
-        (2, ["read", "a.npz", "--fidelity", "exact"], "exact"),
+        (2, ["read", "a.npz", "--sensors", "exact"], "exact"),
         (2, ["read", "a.npz", "--font", "comic"], "comic"),
         (2, ["read", "a.npz", "--config", "none.toml"], "none.toml"),
         (2, ["read", "a.npz", "--database", "none.db"], "none.db"),

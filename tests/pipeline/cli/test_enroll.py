@@ -25,14 +25,12 @@ from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
-from recognition.see.virtual_array import VirtualArray
 from recognition.settings import ReaderSettings
-from whisker_array.simulation.traces import Fidelity
 
 pytestmark = pytest.mark.usefixtures("inline")
 FOREIGN = f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans-Bold.ttf"
 SPEC = SynthSpec(format="9999", font=FOREIGN, seed=5)
-SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0, fidelity="pointwise")
+SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
 WHEN = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
 
 
@@ -77,7 +75,6 @@ def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
         format="9999",
         height_mm=5.0,
         orientation=Orientation.UPRIGHT,
-        array=VirtualArray(fidelity=Fidelity.POINTWISE),
     )
     before = Reader(settings_of_reader, fonts=("gothic",), experts=("templates",)).read(part.height_map)
     after = Reader(settings_of_reader, fonts=fonts).read(part.height_map)

@@ -132,7 +132,7 @@ def test_bash_completes_commands_options_choices_and_files(
         "tactile-marks glyphs ": "list show build",
         "tactile-marks read --height-m": "--height-mm",
         "tactile-marks read --mode f": "fused",
-        "tactile-marks read part.npz --fidelity ": "pointwise contact",
+        "tactile-marks read part.npz --sensors ": "real ideal",
         "tactile-marks read --truth tr": "truth.csv",
         "tactile-marks benchmark run --desi": "--design",
         "tactile-marks completion z": "zsh",

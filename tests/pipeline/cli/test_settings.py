@@ -255,7 +255,7 @@ def test_a_setting_without_a_flag_is_named_with_its_other_places(capsys: pytest.
     ("variable", "value", "message"),
     [
         ("TACTILE_MARKS_HEIGHT_MM", "0", "TACTILE_MARKS_HEIGHT_MM is '0': write a number above 0"),
-        ("TACTILE_MARKS_FIDELTY", "contact", "TACTILE_MARKS_FIDELTY.*did you mean fidelity"),
+        ("TACTILE_MARKS_SENSRS", "ideal", "TACTILE_MARKS_SENSRS.*did you mean sensors"),
         ("TACTILE_MARKS_LINE", '{"lot"', "TACTILE_MARKS_LINE is"),
         ("TACTILE_MARKS_SERVICE_PROT", "1", "TACTILE_MARKS_SERVICE_PROT.*did you mean port"),
         ("TACTILE_MARKS_SERVICE_JOBS", "1", r"TACTILE_MARKS_SERVICE_JOBS.*did you mean jobs in \[workers\]"),

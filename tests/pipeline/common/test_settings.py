@@ -33,7 +33,7 @@ def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> 
         ("sets:AB,0-9",),
         ("0.2:", "MIL-STD-792"),
     )
-    assert (settings.height_mm, settings.fidelity) == (None, "contact")
+    assert (settings.height_mm, settings.sensors) == (None, "real")
     assert ReadSettings.of(**settings.model_dump(exclude_unset=True)) == settings
     with pytest.raises(SettingsError, match="unknown setting hight_mm; did you mean height_mm"):
         ReadSettings.of(hight_mm=5.0)

@@ -310,7 +310,7 @@ def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
 def test_a_scan_of_what_the_camera_saw_has_no_regions(parts: Path, tmp_path: Path) -> None:
     # the line is in the middle of all that was scanned, wherever the photograph has it: looked for at the rim of the
     # scan, a line of eight was a review at 0.33
-    settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
+    settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",))
     files = PartFiles("part", height_map=str(parts / "clean.npz"), photos=(str(parts / "clean.png"),))
     reading = read_sent(PartJob(files, settings, limits=Limits(), earlier=True, folder=tmp_path)).readings[-1]
     assert (reading.text, reading.decision) == ((parts / "clean.txt").read_text(), "accept")

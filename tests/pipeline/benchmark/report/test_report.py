@@ -150,7 +150,7 @@ def test_two_parts_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureF
     out = tmp_path / "out"
     arguments = [
         "benchmark", "run", "--out", str(out), "--dirt", "0", "--parts", "2", "--mode", "tactile",
-        "--format", "99", "--fidelity", "pointwise", "--give", "font,height,format",
+        "--format", "99", "--give", "font,height,format",
     ]  # fmt: skip
     assert main(arguments) == 0
     printed = capsys.readouterr().out
