@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 STORE_FILE = "store.db"
 Port = Annotated[int, Field(ge=0, le=65535)]
 Rate = Annotated[float, Field(ge=0.0, lt=1.0)]
-_LEAST_LOOK_S = 0.05
 Seconds = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 
@@ -185,24 +184,15 @@ class WatchSettings(Settings):
     """The watched folder."""
 
     folder: Path | None = None
-    """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
-    recurse: bool = True
-    """Watch its subfolders, too, as far as they are no links; the names of their parts begin with the subfolder's."""
+    """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem; those of
+    its subfolders, too, unless they are links or hidden (.archive): their parts' names begin with the subfolder's."""
     expected: bool = False
     """NAME.txt, written beside NAME.png before it, holds the serial that the part should read."""
     job: str = ""
     """Job by which the photographs of that folder are read. Default: the service's own settings."""
     photos: int = Field(default=0, ge=0, le=12)
-    """Number of photographs of a part whose files are numbered (part.light-1.png): with so many it is read at once;
-    0: any number."""
-    settle_s: float = Field(default=2.0, ge=0.0, le=3600.0)
-    """Seconds without a new or changed photograph after which a part of numbered photographs is read, and one whose end
-    is missing. The folder is looked at every half of them, and at least once a second; a single photograph is read
-    when two looks find it unchanged."""
-
-    @property
-    def every_s(self) -> float:
-        return min(max(0.5 * self.settle_s, _LEAST_LOOK_S), 1.0)
+    """Number of photographs of a part whose files are numbered (part.light-1.png): with so many it is read at once,
+    and with fewer after device_timeout_s; 0: any number, read 2 s after the last one."""
 
 
 class TcpSettings(Settings):
@@ -289,7 +279,7 @@ class ServiceSettings(Settings):
         "jobs": "jobs in [workers]",
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),
         "shutdown_grace_s": "drain_s",
-        "watch.every_s": "watch.settle_s",
+        "watch.settle_s": "device_timeout_s",
         "mqtt.prefix": 'mqtt.url = "mqtt://HOST/PREFIX"',
         "databases": "folder (its databases stand in databases)",
         "jobs_folder": "folder (its jobs stand in jobs)",
@@ -324,8 +314,8 @@ class ServiceSettings(Settings):
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
     device_timeout_s: Seconds = 60.0
-    """Seconds within which a stage must answer a pass, and a camera must have the photographs of a part; a whole
-    plan has twice its own duration beside."""
+    """Seconds within which a stage must answer a pass, and a camera, or the watched folder, must have the photographs
+    of a part, whole; a whole plan has twice its own duration beside."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     """Days for which photographs, scans and pictures are kept; 0: for ever."""
     shadow: bool = False

@@ -196,7 +196,7 @@ def run_plant(folder: Path) -> Iterator[Plant]:
         options = (
             f"--jobs 1 --format {FORMAT} --font gothic --height-mm 4 --tokens off --root-path /marks"
             f" --tcp.port {port} --webhook.url {hook}/results --mqtt.url {broker.url}"
-            f" --watch.folder {watched} --watch.settle-s 0.4 --stage.device {parts} --camera.device {parts}"
+            f" --watch.folder {watched} --stage.device {parts} --camera.device {parts}"
             " --device-timeout-s 4 --mqtt.triggers"
             f" --opcua.port {opcua_port} --opcua.certificate {keys}/server.der --opcua.key {keys}/server.pem"
         )

@@ -16,7 +16,7 @@ from glyphs import stamp
 from tests.contract.front_doors import RunningService, main, run_service, status_of
 from tests.support.waiting import wait_until
 
-OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4", "--watch.settle-s", "0.2")
+OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4")
 
 
 @pytest.fixture(scope="module")

@@ -326,10 +326,11 @@ def _watch(root: Path) -> None:
     """As a service does from its start to its end."""
     parts = _Parts(root)
     watched = WatchedFolder(
-        WatchSettings(folder=root / "in", settle_s=0.1),
+        WatchSettings(folder=root / "in"),
         parts,  # type: ignore[arg-type]
         most_bytes=10_000,
         at_once=1,
+        timeout_s=0.1,
     )
 
     async def look() -> None:

@@ -5,11 +5,11 @@
 
 * A file is identified by its name, length and time: one that is overwritten is another photograph. One that is only
   moved to another subfolder is the same.
-* It is complete when two looks, `every_s` apart, find the same length and time: one that is moved in, at its second.
-  One whose end is missing has `settle_s` to be written to its end. Names of unfinished uploads are not looked at.
+* It is complete when two looks, `LOOK_S` apart, find the same length and time: one that is moved in, at its second.
+  One whose end is missing has `timeout_s` to be written to its end. Names of unfinished uploads are not looked at.
 * Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
-  all its files are, and there are as many as expected, or none was added or changed for a while. One that is added
-  later makes it another set, which is read anew.
+  all its files are, and there are as many as expected. Where none are expected, it is when none was added or changed
+  for `settle_s`. One that is added later makes it another set, which is read anew.
 * The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for as
   long as they are in the folder, and some months longer.
 * A photograph that cannot be read, or that ends two workers, is a part for a person, and is not tried again until it
@@ -65,6 +65,9 @@ if TYPE_CHECKING:
     from pipeline.service.settings import WatchSettings
 
 log = structlog.get_logger("tactile-marks")
+LOOK_S = 1.0  # from one look to the next
+# time without a change after which a set of any number is complete, s: lamps follow each other faster
+SETTLE_S = 2.0
 # least wait before the next look or attempt, in durations of the last one: neither may use the whole machine
 PAUSE = 5.0
 # least wait after a failed attempt
@@ -94,8 +97,18 @@ class WatchedFolder:
 
     title = "watched folder"
 
-    def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
-        """Watch the folder of the settings, and read `at_once` parts at a time. Raises FileError: no such folder."""
+    def __init__(
+        self,
+        settings: WatchSettings,
+        intake: Intake,
+        *,
+        most_bytes: int,
+        at_once: int,
+        timeout_s: float,
+        settle_s: float = SETTLE_S,
+    ) -> None:
+        """Watch the folder of the settings, and read `at_once` parts at a time; one that is not complete within
+        `timeout_s` is read as it is. Raises FileError: no such folder."""
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
@@ -104,7 +117,7 @@ class WatchedFolder:
             )
         self.folder = settings.folder.absolute()
         self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
-        self._at_once = at_once
+        self._at_once, self._timeout_s, self._settle_s = at_once, timeout_s, settle_s
         self._looking, self._stopping = asyncio.Lock(), False
         # why the folder cannot be looked at, without its path; empty while it can
         self.trouble = ""
@@ -123,9 +136,8 @@ class WatchedFolder:
         self._failures: dict[str, tuple[str, float]] = {}
 
     async def start(self) -> dict[str, object]:
-        every_s = self._settings.every_s
-        self._task = asyncio.create_task(repeat("look at the watched folder", self._round, every_s=every_s))
-        return {"folder": str(self.folder), "every_s": every_s}
+        self._task = asyncio.create_task(repeat("look at the watched folder", self._round, every_s=LOOK_S))
+        return {"folder": str(self.folder)}
 
     async def stop(self, *, grace_s: float) -> None:
         """Stop taking files; files in progress get `grace_s`, or are read after the next start."""
@@ -183,10 +195,7 @@ class WatchedFolder:
         for name, files in groups.items():
             stood, since_s = before.get(name, ({}, began_s))
             self._last_look[name] = files, since_s if stood == files else began_s
-            settled = began_s - since_s >= self._settings.settle_s
-            whole = name in now or len(files) == self._settings.photos
-            # one whose end is missing may still be written
-            if stood != files or not is_new(files) or not (settled or (whole and _all_whole(files))):
+            if stood != files or not is_new(files) or began_s - since_s < self._wait_s(files, name in now):
                 continue
             stem = Path(name).with_suffix("") if name in now else Path(name)
             part_name = "/".join(map(sent_name, stem.relative_to(self.folder).parts))[-MOST_NAME:]
@@ -197,6 +206,12 @@ class WatchedFolder:
         self._known_keys |= self._intake.store.known_keys(key for part in parts for key in part.key.files)
         new = (part for part in parts if is_new(part.files))
         return sorted(new, key=lambda part: (min(ns for _, ns in part.files.values()), part.name))
+
+    def _wait_s(self, files: Mapping[str, FileStamp], single: bool) -> float:
+        expected = 1 if single else self._settings.photos
+        if len(files) < expected or not _all_whole(files):
+            return self._timeout_s
+        return 0.0 if expected else self._settle_s
 
     def _photographs(self) -> dict[str, os.stat_result] | None:
         files: dict[str, os.stat_result] = {}
@@ -248,7 +263,7 @@ class WatchedFolder:
         if stat.S_ISDIR(status.st_mode):
             if is_system_folder(entry.name):
                 return f"is a folder {OF_SYSTEM}"
-            return "" if self._settings.recurse else "is a folder, and watch.recurse is off"
+            return ""
         if suffix in PHOTO_SUFFIXES or suffix in UNREAD_PICTURE_SUFFIXES or self._is_expected(entry.name):
             return ""
         stamp, why = self._passed_over.get(entry.path, (None, ""))

@@ -38,13 +38,13 @@ class Bench:
     """A folder, and a service that looks at it when it is told to; `anew` is a restart."""
 
     def __init__(
-        self, folder: Path, served: Served, *, a_set: int = 0, settle_s: float = 0.0, **settings: bool
+        self, folder: Path, served: Served, *, a_set: int = 0, timeout_s: float = 0.0, **settings: bool
     ) -> None:
         self.folder = folder / "in"
         self.folder.mkdir()
         service, client = served
         self.intake, self.store, self.portal = service.intake, service.store, client.portal
-        self.settings = {"photos": a_set, "settle_s": settle_s, **settings}
+        self.settings, self.times = {"photos": a_set, **settings}, {"timeout_s": timeout_s, "settle_s": 0.0}
         self.problem: Exception | None = None
         self.problems: dict[str, Exception] = {}
         self.tried: set[str] = set()
@@ -61,7 +61,7 @@ class Bench:
 
     def anew(self) -> None:
         settings = WatchSettings(folder=self.folder, job="housing-left", **self.settings)
-        self.watched = WatchedFolder(settings, self.intake, most_bytes=1000, at_once=1)
+        self.watched = WatchedFolder(settings, self.intake, most_bytes=1000, at_once=1, **self.times)
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
         path = self.folder / name
@@ -135,7 +135,7 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
 
 
 def test_one_that_is_being_written_waits(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, settle_s=LONG_S)
+    bench = Bench(tmp_path, served, timeout_s=LONG_S)
     for n in range(1, 4):
         bench.put("a.png", PNG[: 30 * n])
         assert bench.look(3) == []  # it stands still, but its end is missing
@@ -145,7 +145,7 @@ def test_one_that_is_being_written_waits(tmp_path: Path, served: Served) -> None
 
 
 def test_one_that_stays_empty_or_is_no_file_is_a_part_for_a_person(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, settle_s=0.2)
+    bench = Bench(tmp_path, served, timeout_s=0.2)
     bench.put("empty.png", b"")
     os.mkfifo(bench.folder / "pipe.png")
     assert bench.left() == {}
@@ -422,8 +422,7 @@ def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
 def test_without_its_watched_folder_a_service_is_not_ready_and_says_why(tmp_path: Path) -> None:
     watched = tmp_path / "in"
     watched.mkdir()
-    settings = {"folder": watched, "settle_s": 0.1}
-    with inline_service(tmp_path / "service", watch=settings) as (service, client):
+    with inline_service(tmp_path / "service", watch={"folder": watched}) as (service, client):
         wait_until(lambda: client.get("/readyz").status_code == 200)
         received(service.store)
         watched.rename(tmp_path / "away")
@@ -519,7 +518,7 @@ def test_photographs_of_several_lights_are_one_part(bench: Bench) -> None:
 
 
 def test_a_set_waits_for_its_last_light(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, a_set=3, settle_s=LONG_S)
+    bench = Bench(tmp_path, served, a_set=3, timeout_s=LONG_S)
     for number in (1, 2):
         bench.put(f"a.light-{number}.png")
     assert bench.look(4) == []
@@ -528,7 +527,7 @@ def test_a_set_waits_for_its_last_light(tmp_path: Path, served: Served) -> None:
 
 
 def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, a_set=3, settle_s=0.2)
+    bench = Bench(tmp_path, served, a_set=3, timeout_s=0.2)
     bench.put("a.light-1.png")
     assert bench.look() == []
     time.sleep(0.25)
@@ -539,6 +538,15 @@ def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path, served:
     time.sleep(0.25)
     assert bench.look(1) == ["a", "a"]
     assert [name for name, _ in bench.sent(1)] == ["a.light-1.png", "a.light-2.png"]
+
+
+def test_a_set_of_any_number_is_read_when_nothing_is_added_for_a_while(bench: Bench) -> None:
+    bench.times["settle_s"] = 0.2
+    bench.anew()
+    bench.put("a.light-1.png")
+    assert bench.look() == []
+    time.sleep(0.25)
+    assert bench.look(1) == ["a"]
 
 
 def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> None:
@@ -561,17 +569,6 @@ def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
     assert "12 of a part" in bench.why_unread("a")
 
 
-def test_subfolders_that_are_not_watched_are_named(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, recurse=False)
-    bench.put("a.png")
-    bench.put("day/b.png")
-    with structlog.testing.capture_logs() as logs:
-        assert bench.look(3) == ["a"]
-    assert [(log["name"], log["why"]) for log in logs if "passed over" in log["event"]] == [
-        ("day", "is a folder, and watch.recurse is off")
-    ]
-
-
 def test_hidden_characters_of_a_file_s_name_are_replaced_and_letters_composed(bench: Bench) -> None:
     for name in ("tray-7\u202e3-trap.png", "a\u200bb.png", "Gehause\u0308.png"):
         bench.put(name)
@@ -581,6 +578,7 @@ def test_hidden_characters_of_a_file_s_name_are_replaced_and_letters_composed(be
 def test_folders_of_the_system_and_hidden_files_are_named_once(bench: Bench) -> None:
     bench.put("a.png")
     bench.put("$RECYCLE.BIN/b.png")
+    bench.put(".archive/c.png")
     hidden = bench.put(".x.png")
     long_ago_s = time.time() - 2.0 * LEFT_S
     os.utime(hidden, (long_ago_s, long_ago_s))
