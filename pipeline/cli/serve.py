@@ -118,7 +118,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings, workers: PoolSettin
     most = most_connections()
     room = Room(an_address=connections_of_address(most), most=most, proxies=settings.trusted_proxies)
     with contextlib.ExitStack() as until_served:
-        bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
+        bound = until_served.enter_context(listening(*host_and_port(settings.port), option="--port"))
         for line_port, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
             host, port = host_and_port(line_port.port or "0")
             if port:  # tried here, so that the error is one line and not a running server's

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from pipeline.common.records import PartStory, ReviewRecord
 
 STORE_FILE = "store.db"
-Port = Annotated[int, Field(ge=0, le=65535)]
 Rate = Annotated[float, Field(ge=0.0, lt=1.0)]
 Seconds = Annotated[float, Field(gt=0.0, le=3600.0)]
 
@@ -285,14 +284,14 @@ class ServiceSettings(Settings):
         "jobs_folder": "folder (its jobs stand in jobs)",
         **dict.fromkeys(("stage.folder", "stage.bench", "stage.driver"), "stage.device"),
         **dict.fromkeys(("camera.folder", "camera.driver"), "camera.device"),
+        "host": 'port = "HOST:PORT"',
         "tcp.host": 'tcp.port = "HOST:PORT"',
         "opcua.host": 'opcua.port = "HOST:PORT"',
     }
 
-    host: str = "127.0.0.1"
-    """Address to listen on. One that other machines can reach needs tokens (tactile-marks tokens add)."""
-    port: Port = 8417
-    """Port of the web interface; 0 takes any free one."""
+    port: Address = "8417"
+    """Port of the web interface: 8417 for this machine only, or with the address to listen on, 0.0.0.0:8417. One that
+    other machines can reach needs tokens (tactile-marks tokens add). 0 takes any free port."""
     folder: Path = Path("tactile-marks-data")
     """Folder for the store, the evidence files, glyph databases (databases) and jobs (jobs/NAME.toml); made if it is
     missing."""
@@ -366,6 +365,10 @@ class ServiceSettings(Settings):
                 "opcua.users need opcua.certificate, else their passwords can be read on the way; give one"
             )
         return self
+
+    @property
+    def host(self) -> str:
+        return host_and_port(self.port)[0]
 
     @property
     def on_loopback(self) -> bool:

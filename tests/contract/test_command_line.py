@@ -211,7 +211,7 @@ def test_an_address_in_use_is_told_in_a_line(tmp_path: Path, capsys: pytest.Capt
 def test_beyond_this_machine_a_token_must_be_made_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["serve", "--folder", str(tmp_path), "--host", "0.0.0.0", "--port", "0"]) == 2
+    assert main(["serve", "--folder", str(tmp_path), "--port", "0.0.0.0:0"]) == 2
     assert "tactile-marks tokens add" in capsys.readouterr().err
 
 

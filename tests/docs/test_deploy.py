@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 
 from pipeline.cli.settings import MODELS
 from pipeline.service.app import GRACE_S, PART_TIMEOUT_S
-from pipeline.service.settings import ServiceSettings
+from pipeline.service.settings import ServiceSettings, host_and_port
 from pipeline.workers.machine import LEAST_UPLOAD
 from tests.support.line_broker import Broker, Listener
 from tests.support.waiting import program
@@ -119,13 +119,15 @@ def test_the_compose_file_holds_together(compose: dict[str, Any]) -> None:
         if name.startswith(prefix)
     }
     given["mqtt"] = {"url": given.pop("mqtt_url")}
-    settings = ServiceSettings(**{**given, "host": "0.0.0.0", "trusted_proxies": (given["trusted_proxies"],)})
+    settings = ServiceSettings(
+        **{**given, "port": "0.0.0.0:8417", "trusted_proxies": (given["trusted_proxies"],)}
+    )
     assert settings.tokens_asked
     assert settings.trusted_proxies == (services["proxy"]["networks"]["front"]["ipv4_address"],)
     assert re.search(r"://marks@(\w+)/(\w+)", settings.store).groups() == ("db", "marks")  # type: ignore[union-attr]
     assert services["db"]["environment"].items() >= {"POSTGRES_USER": "marks", "POSTGRES_DB": "marks"}.items()
     assert settings.mqtt.url.endswith("@broker:1883")
-    assert f"proxy_pass http://marks:{settings.port};" in text_of("nginx.conf")
+    assert f"proxy_pass http://marks:{host_and_port(settings.port)[1]};" in text_of("nginx.conf")
     assert (ROOT / "docs" / "deploy" / marks["build"]["context"]).resolve() == ROOT
     assert (ROOT / marks["build"]["dockerfile"]).is_file()
 

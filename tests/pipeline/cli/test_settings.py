@@ -125,7 +125,7 @@ def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.Mo
     monkeypatch.setenv("TACTILE_MARKS_BUDGET_S", "20")
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_TCP_CLIENTS", "192.168.7.0/24, 10.0.0.1")
     service, read = serving("--retention-days", "3", "--format", "AA99")
-    assert (service.port, service.drain_s, service.retention_days) == (1, 2, 3.0)
+    assert (service.port, service.drain_s, service.retention_days) == ("1", 2, 3.0)
     assert service.tcp.format == "{text}"
     assert serving("--tcp.format", "{id}")[0].tcp.format == "{id}"
     assert service.tcp.clients == ("192.168.7.0/24", "10.0.0.1")
@@ -188,6 +188,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("check = 'luhn'", 'unknown setting check in .*; did you mean format = "check:RULE"'),
         ("[service]\nqueue = 1", "unknown setting queue in .*; leave it out: it follows from the machine"),
         ("[service]\njobs = 1", r"jobs in .* is in the wrong place; write it under \[workers\]"),
+        ("[service]\nhost = '::1'", 'host in .*; did you mean port = "HOST:PORT"'),
         ("[service.tcp]\nhost = '::1'", 'tcp.host in .*; did you mean tcp.port = "HOST:PORT"'),
         ("[service.tcp]\nport = 'COM3'", "tcp.port in .* is 'COM3'.*write 8418, or"),
         ("[service.watch]\nsettle_s = 1", "watch.settle_s in .*; did you mean device_timeout_s"),
@@ -205,7 +206,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
             "font in .* is in the wrong place; write it above the first table",
         ),
         ("service = 3\n", "make it a table"),
-        ('[service]\nhost = "0.0.0.0"\ntokens = "off"\n', "without tokens"),
+        ('[service]\nport = "0.0.0.0:8417"\ntokens = "off"\n', "without tokens"),
         ('[service]\nwebhook.url = "ftp://x"\n', "write https://host/path"),
         ('[service.tcp]\nport = "0.0.0.0:8418"\n', "tcp.clients"),
         ('[service.opcua]\nport = "0.0.0.0:4840"\n', "opcua.certificate"),
@@ -345,7 +346,7 @@ def test_settings_may_be_pasted_into_the_file_to_begin_with(order: int) -> None:
     assert main(["settings", str(FILE)]) == 0
     FILE.write_text("\n".join([FILE.read_text(encoding="utf-8"), PASTED][::order]), encoding="utf-8")
     service, reading = serving()
-    assert (service.port, service.tcp.port, service.watch.folder) == (8420, "8421", Path("camera"))
+    assert (service.port, service.tcp.port, service.watch.folder) == ("8420", "8421", Path("camera"))
     assert reading.format == ("AA99",)
 
 
@@ -361,7 +362,7 @@ def test_settings_may_be_pasted_into_the_file_to_begin_with(order: int) -> None:
             "service.port = 1\nservice.port = 2\nfont = []\n",
             "sets a name twice, again in line 2; remove one of them",
         ),
-        ("service.port = 1.5", "port in .* is '1.5': write a whole number$"),
+        ("service.port = 1.5", "port in .* is '1.5': it is not a port; write 8418, or 192"),
         ("active = 'maybe'", "active in .* is 'maybe': write true or false$"),
         ("service.opcua.users = 5", "opcua.users in .* is 5: write a table of names and values$"),
     ],
@@ -384,7 +385,7 @@ def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) ->
             assert str(field.description)[:60] in text
     in_force = re.sub(r"^#(?=[a-z])", "", text, flags=re.MULTILINE)  # every setting that has a value
     FILE.write_text(re.sub(r"^[\w.]+ = +# .*$", "", in_force, flags=re.MULTILINE), encoding="utf-8")
-    assert "service.port = 8417" in FILE.read_text(encoding="utf-8").splitlines()
+    assert 'service.port = "8417"' in FILE.read_text(encoding="utf-8").splitlines()
     assert serving() == (ServiceSettings(), ReadSettings())
     capsys.readouterr()
     assert main(["settings", "other.toml"]) == 0
@@ -419,7 +420,7 @@ def test_settings_shows_what_is_set_and_what_follows_from_the_machine(
     assert 'format = ["AA99"]' in lines
     assert "workers.jobs = 2" in lines
     assert "service.drain_s = 5.0" in lines
-    assert "#service.port = 8417" in lines
+    assert '#service.port = "8417"' in lines
     assert re.search(r"^# memory of each process +5,000 MB$", shown, re.MULTILINE)
     assert re.search(r"^# parts that wait for a process +64$", shown, re.MULTILINE)
     assert re.search(r"^# largest photograph +50,000,000 pixels$", shown, re.MULTILINE)

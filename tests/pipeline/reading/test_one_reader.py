@@ -107,7 +107,7 @@ def test_the_library_uses_the_soil_of_the_file_and_verifies(files: dict[str, Pat
         pipeline.read(files["height_map"], "other.x3p")
 
 
-SETTINGS = ReadSettings(font=("gothic",), format=("AA99",), height_mm=3.0, orientation="upright")
+UPRIGHT = ReadSettings(font=("gothic",), format=("AA99",), height_mm=3.0, orientation="upright")
 OPTIONS: dict[str, Any] = {
     "fonts": "gothic", "format": "AA99", "height_mm": 3.0, "orientation": "upright",
 }  # fmt: skip
@@ -139,7 +139,7 @@ def by_command(*files: Path) -> ReadingRecord:
     (listed,) = discover(list(map(str, files)))
     named = {Path(file).name for file in listed.files}
     assert named == {file.name for file in files}
-    return read_listed(PartJob(settings=SETTINGS), listed).record
+    return read_listed(PartJob(settings=UPRIGHT), listed).record
 
 
 def by_python(*data: Any) -> Reading:
@@ -149,7 +149,7 @@ def by_python(*data: Any) -> Reading:
 
 def same(record: ReadingRecord, reading: Reading) -> None:
     """All that a record keeps of a reading, but for times."""
-    other = reading_record(reading, SETTINGS, READER.grammar, part=record.part, seconds=record.seconds)
+    other = reading_record(reading, UPRIGHT, READER.grammar, part=record.part, seconds=record.seconds)
     assert record.error == ""
     assert replace(other, at=record.at) == replace(record, settings=other.settings)
 

@@ -163,7 +163,7 @@ def test_filters(served: Served, clock: Clock) -> None:
 
 
 def test_a_token_to_write_looks_up_a_part_but_does_not_list_parts(tmp_path: Path) -> None:
-    with inline_service(tmp_path, host="0.0.0.0") as (service, client):
+    with inline_service(tmp_path, port="0.0.0.0:8417") as (service, client):
         writes, reads = (
             {"Authorization": f"Bearer {service.store.add_token(scope, [scope])}"}
             for scope in (Scope.WRITE, Scope.READ)
@@ -183,7 +183,7 @@ def test_a_token_to_write_looks_up_a_part_but_does_not_list_parts(tmp_path: Path
 
 
 def test_a_second_reader_does_not_see_over_http_what_the_first_has_read(tmp_path: Path) -> None:
-    options = {"host": "0.0.0.0", "review": {"second_reader": True}}
+    options = {"port": "0.0.0.0:8417", "review": {"second_reader": True}}
     with inline_service(tmp_path, **options) as (service, client):
         ada, ben, cleo = (
             {"Authorization": f"Bearer {service.store.add_token(name, [Scope.READ, Scope.REVIEW])}"}

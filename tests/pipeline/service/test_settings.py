@@ -12,7 +12,7 @@ from pipeline.workers.machine import LEAST_WORKER_MB, Machine
 
 def test_nothing_need_be_set() -> None:
     settings = ServiceSettings()
-    assert (settings.host, settings.port) == ("127.0.0.1", 8417)
+    assert host_and_port(settings.port) == ("127.0.0.1", 8417)
     assert not settings.tokens_asked
     assert settings.store_url.startswith("sqlite:////")
     assert settings.store_url.endswith("tactile-marks-data/store.db")
@@ -20,13 +20,13 @@ def test_nothing_need_be_set() -> None:
 
 @pytest.mark.parametrize(
     ("host", "alone"),
-    [("127.0.0.1", True), ("127.8.9.1", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("::", False),
-     ("192.168.0.4", False), ("press-7.example", False)],
+    [("127.0.0.1", True), ("127.8.9.1", True), ("[::1]", True), ("localhost", True), ("0.0.0.0", False),
+     ("[::]", False), ("192.168.0.4", False), ("press-7.example", False)],
 )  # fmt: skip
 def test_tokens_are_asked_for_where_others_can_call(host: str, alone: bool) -> None:
-    assert is_loopback(host) == alone
-    assert ServiceSettings(host=host).tokens_asked == (not alone)
-    assert ServiceSettings(host=host, tokens="on").tokens_asked
+    assert is_loopback(host.strip("[]")) == alone
+    assert ServiceSettings(port=f"{host}:8417").tokens_asked == (not alone)
+    assert ServiceSettings(port=f"{host}:8417", tokens="on").tokens_asked
 
 
 def test_the_opc_ua_server_has_the_certificate_of_tls_unless_it_has_its_own() -> None:
