@@ -1,6 +1,5 @@
 """Errors of files, of this machine and of the program. Errors of a file's content are raised without the file's name:
-the caller that opened the file names it. A file is known by its path or URL. Where it is a copy, or an upload,
-`shown_as` sets the name shown."""
+the caller that opened it names it, by path or URL, or as `shown_as` sets it."""
 
 from __future__ import annotations
 
@@ -102,12 +101,8 @@ def shown_as(names: Mapping[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def naming(name: str | Path) -> Iterator[None]:
-    """Name the file, a path or URL, in errors that name no file.
-
-    Raises:
-        FileError: in place of a MarksError that names no file, or names this one while another name is to be shown.
-        MissingExtraError: as it is raised in the block.
-    """
+    """Name the file, a path or URL, in errors that name no file. Raises FileError: in place of a MarksError that names
+    no file, or another one than is to be shown. MissingExtraError: as it is raised in the block."""
     try:
         yield
     except MissingExtraError:  # nothing is wrong with the file
@@ -140,9 +135,8 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 
 @contextlib.contextmanager
 def processor_limit(limit_s: float) -> Iterator[None]:
-    """Limit the processor time of Python code, such as that of a parser that a file makes loop. Only in the main thread
-    of a system with such a timer, if it is not in use. Raises DataError: the time is over; raised again five times a
-    second, for code that catches every exception."""
+    """Limit the processor time of Python code, such as a parser, in the main thread of a system with such a timer.
+    Raises DataError: the time is over; again five times a second, for code that catches every exception."""
     main = threading.current_thread() is threading.main_thread()
     if not (main and hasattr(signal, "setitimer") and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL):
         yield
@@ -165,13 +159,9 @@ def processor_limit(limit_s: float) -> Iterator[None]:
 def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     """Check that the file exists, limit the time, and name the file in every error raised while it is read.
 
-    Args:
-        kind: format that a third-party parser reads: each of its errors is reported as damage of the file. Without
-            it, an unexpected error remains a fault of the program.
-
-    Raises:
-        FileError: the file is missing or too long, or its content is at fault.
-        MissingExtraError: as it is raised in the block.
+    Each error of a third-party parser of the format `kind` is reported as damage of the file; without it, an unexpected
+    error remains a fault of the program. Raises FileError: the file is missing or too long, or its content is at fault.
+    MissingExtraError: as it is raised in the block.
     """
     with naming(path):
         require_file(path, most_bytes=most_bytes)

@@ -1,7 +1,5 @@
-"""Build with setuptools; the date and commit of a clone become part of the version: 0.1.0+20261129.g9f04df81.
-
-Without git, or from an unpacked archive of the sources, the version is the plain one; an sdist keeps that of its clone.
-"""
+"""Build with setuptools; the date and commit of a clone become part of the version, 0.1.0+20261129.g9f04df81. Without
+git the version is the plain one; an sdist keeps that of its clone."""
 
 import atexit
 import os

@@ -4,17 +4,13 @@
     0.9999   0.999   0.99   0.98   0.97  ...
     too few  shown   shown  not shown          the last threshold that was shown to hold is the one to use: 0.99
 
-The threshold is found as in "Learn then Test" (Angelopoulos, Bates, Candès, Jordan and Lei, arXiv:2110.01052): each
-threshold is a hypothesis "of what is accepted here, more than the risk is wrong", tested by the exact binomial (Clopper
-and Pearson 1934), from the strictest to the most lenient, up to the first that cannot be refuted. Tested in a sequence
-that was fixed beforehand, each may use the whole of 1 - confidence: no matter how many there are, the chance that one
-is chosen whose true risk is higher is at most 1 - confidence.
-
-Readings may belong to groups, such as generators of parts. Then a threshold must also keep `group_factor` times the
-risk in each group by itself: a hypothesis for each, all of which must be refuted, each at the whole of 1 - confidence.
+As in "Learn then Test" (Angelopoulos, Bates, Candès, Jordan and Lei, arXiv:2110.01052): each threshold is a hypothesis,
+tested by the exact binomial (Clopper and Pearson 1934), from the strictest to the first that cannot be refuted. As the
+sequence is fixed beforehand, each test may use the whole of 1 - confidence. A threshold must also keep `group_factor`
+times the risk in each group of readings, such as a generator of parts.
 
 Assumed: the parts are independent and like future parts, and less sure readings are not right more often. Thresholds
-and groups with too few accepted parts for any answer are skipped; only the number of parts decides this.
+and groups with too few accepted parts for any answer are skipped.
 """
 
 from __future__ import annotations
@@ -37,8 +33,8 @@ THRESHOLDS = (
 )  # fmt: skip
 """Scores from which readings may be accepted, strictest first; fixed before any part is read."""
 ALLOWED_WRONG = (2, 1, 0)
-"""Numbers of wrong readings at which the first tested threshold can still be shown to hold; the first number is used
-for which enough readings are accepted."""
+"""Numbers of wrong readings at which the first tested threshold can still hold; the first that the sample allows is
+used."""
 
 
 class Shown(StrEnum):
@@ -62,9 +58,8 @@ class ThresholdTest:
 
 
 def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
-    """Least number of accepted parts that proves the risk, with a given number of wrong ones among them. Without a
-    wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %. Both must lie between 0 and 1
-    (ValueError)."""
+    """Least number of accepted parts that proves the risk, with `wrong` wrong ones: 2,995 for 1 in 1,000 at 95 % and
+    none wrong. Raises ValueError: risk or confidence does not lie between 0 and 1."""
     from scipy.special import bdtrin
 
     for name, value in (("risk", risk), ("confidence", confidence)):
@@ -88,8 +83,7 @@ def threshold_tests(
     """Test the thresholds in order, as the module describes; the last one shown to hold is the one to use.
 
     Below 1, `start_share` is for many doubtful readings, which would all be accepted at the first tested threshold.
-    Raises ValueError: the lengths differ, the risk or the confidence does not lie between 0 and 1, or the thresholds do
-    not fall.
+    Raises ValueError: the lengths differ, a probability is not between 0 and 1, or the thresholds do not fall.
     """
     values, wrong = np.asarray(scores, dtype=np.float64), ~np.asarray(right, dtype=bool)
     if values.shape != wrong.shape or (groups and len(groups) != values.size):
@@ -160,8 +154,8 @@ def proven_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
 def parts_missing(
     tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float, most_wrong: int = 10_000
 ) -> int | None:
-    """Estimate how many more parts would show the risk to hold at some threshold; None if no number would. The same
-    shares of accepted and of wrong readings are assumed among them, and at most `most_wrong` wrong ones."""
+    """Estimate how many more parts, with the same shares of accepted and wrong readings and at most `most_wrong` wrong
+    ones, would show the risk to hold at some threshold; None if no number would."""
     totals = []
     for test in tests:
         if not test.accepted or test.wrong / test.accepted >= risk:

@@ -28,12 +28,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class GoldenRecord:
-    """One scan of the golden part.
+    """One scan of the golden part; later ones are compared with the `reference`.
 
-    Attributes:
-        reference: later scans are compared with it: the whiskers were new or newly set up.
-        measures: the gain is the mean over the whiskers, the zero that of the whisker with the largest mean signal in
-            air, relative to the land's moment.
+    Among the measures, the gain is the mean over the whiskers, the zero that of the whisker with the largest mean
+    signal in air, relative to the land's moment.
     """
 
     at: datetime

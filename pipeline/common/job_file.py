@@ -5,10 +5,8 @@ jobs/housing-left.toml      format = "AA999999"
                             certificate = "housing-left.json"       (relative to the job's folder)
                             [line.lot]
                             format = "AAA99"
-                            region = [0.0, 0.5, 1.0, 1.0]
 
-The keys are the settings of reading. A job is complete: settings that it leaves out have their defaults, whatever a
-flag or settings file says, so that it means the same everywhere.
+The keys are the settings of reading. Settings that a job leaves out have their defaults, whatever a flag or file says.
 """
 
 from __future__ import annotations
@@ -52,8 +50,7 @@ class JobFile:
 
 
 def read_job_file(path: Path) -> JobFile:
-    """Read a job. Raises FileError: as in `read_keys`; or an invalid name, an unknown or invalid setting, or a missing
-    file."""
+    """Read a job. Raises FileError: as in `read_keys`; an invalid name or setting, or a missing file."""
     return job_of(path, *read_keys(path))
 
 

@@ -23,9 +23,9 @@ class LineDecision(StrEnum):
 def decision_of(part: PartRecord) -> LineDecision:
     """Decision about a part.
 
-    ACCEPT: read with certainty, or a person has entered its text. REVIEW: a person has to look. REJECT: a person has to
-    look and nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan
-    yet. SHADOW: nothing was decided; the line uses its own reader.
+    ACCEPT: read with certainty, or entered by a person. REVIEW: a person has to look. REJECT: also, but nothing could
+    be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan yet. SHADOW: nothing was
+    decided.
     """
     if part.state is PartState.SHADOW:
         return LineDecision.SHADOW

@@ -1,6 +1,5 @@
-"""Form and comparison of the names of parts and people, the same for every input. Composed and decomposed letters, and
-full-width and plain ones, are the same (NFKC). So are names that differ only in case. Hidden characters are refused, or
-replaced in names that the sender cannot correct, such as those of files."""
+"""Form and comparison of the names of parts and people: composed and decomposed letters, full-width and plain ones
+(NFKC) and both cases are the same. Hidden characters are refused, or replaced in names of files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Output files and folders: checked before the work starts, and written whole or not at all. All functions raise
-FileError for a place that cannot be written."""
+"""Output files and folders, checked before the work starts and written whole or not at all. Raises FileError."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Read TOML and JSON that people write; every fault of the text raises the same kind of error. The parsers raise more
-than their own errors: RecursionError for deeply nested brackets, ValueError for a number with more digits than Python
-converts. If several keys are wrong, the message names the first."""
+"""Read TOML and JSON that people write; every fault of the text, nesting included, raises the same error."""
 
 from __future__ import annotations
 
@@ -100,9 +98,9 @@ def read_toml(
     format_version: int | None = None,
     hidden: Collection[str] = (),
 ) -> Model:
-    """Read a TOML file as a model. Raises FileError: the file is not TOML or of another version; a key is unknown,
-    missing or invalid. A file without a version counts as version 1; files of a `format_version` of None have no
-    version. `hidden` are names of the model's alternatives, which are not keys of the file."""
+    """Read a TOML file as a model. Raises FileError: it is not TOML or of another version; a key is unknown, missing or
+    invalid. A file without a version counts as version 1; with a `format_version` of None files have no version.
+    `hidden` are names of the model's alternatives, which are not keys of the file."""
     written = toml_of(path)
     if format_version is not None and (version := written.pop("format_version", 1)) != format_version:
         says = f"has format version {version!r}; this program reads {format_version}"

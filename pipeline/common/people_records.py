@@ -48,7 +48,6 @@ class AuditFigures:
 
     Attributes:
         disputed: parts read differently that wait for the deciding review.
-        not_judged: parts that people could not read.
         accepted_wrong: share of wrong readings among those judged, with the Clopper-Pearson interval.
     """
 

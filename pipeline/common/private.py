@@ -16,17 +16,15 @@ def private_folder(path: Path) -> None:
 
 
 def private_file(path: Path) -> None:
-    """Make an empty file for its owner alone; if it exists, remove the access of others (`close_to_others`). An
-    existing file is not opened: closing it would release all locks that this process has on it, and another process
-    could then remove the log of a store that is open here."""
+    """Make an empty file for its owner alone; if it exists, remove the access of others. An existing file is not
+    opened: closing it would release all locks that this process has on it."""
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o600))
     close_to_others(path)
 
 
 def close_to_others(path: Path) -> None:
-    """Remove the access of all but the owner (a group that may write keeps it); missing and other users' files are
-    ignored."""
+    """Remove the access of all but the owner (a group that may write keeps it); other users' files are ignored."""
     with contextlib.suppress(FileNotFoundError, PermissionError):
         mode = stat.S_IMODE(path.stat().st_mode)
         for_owner = mode & ~0o007 if mode & stat.S_IWGRP else mode & ~0o077

@@ -1,7 +1,7 @@
 """Records of a reading by camera, touch or both, and of the scan to make if the camera is unsure.
 
-Boxes are in mm, in the plate's frame for touch and in the photograph's for the camera; they are in pixels for a
-photograph whose scale is unknown.
+Boxes (x0, y0, x1, y1) are in mm, in the plate's frame for touch and in the photograph's for the camera (`box_mm`), and
+in pixels (`box_px`) for a photograph whose scale is unknown. The other field is None.
 """
 
 from __future__ import annotations
@@ -31,11 +31,8 @@ class CharacterRecord:
     """One place of a reading.
 
     Attributes:
-        candidates: best first.
-        box_mm: x0, y0, x1, y1; None in a photograph whose scale is unknown.
         state: read, confused, not read or mismatch; empty if it was not judged.
         grade: A to F, or "?" if too little was scanned; empty if it was not graded.
-        box_px: the same in pixels, for a photograph whose scale is unknown; else None.
         state_chars: if confused, the two characters; if mismatched, the one that is there and the one expected.
         depth_min_mm: least depth of the mark, or height of a raised one; None if unknown.
         burr_mm: height of the rim beside its strokes above the land; None if unknown.
@@ -82,13 +79,7 @@ class RivalRecord:
 
 @dataclass(frozen=True)
 class LineRecord:
-    """A line of the part other than its serial.
-
-    Attributes:
-        name: in the settings; empty for a line that the settings do not name.
-        confidence: probability that all of it is right, 0 to 1.
-        box_mm: x0, y0, x1, y1; None if the photograph's scale or the line's place is unknown; else box_px in pixels.
-    """
+    """A line of the part other than its serial; its name is empty if the settings do not name it."""
 
     name: str
     text: str
@@ -113,7 +104,6 @@ class CodeRecord:
         kind: Data Matrix, QR Code or Micro QR Code.
         text: GS1 codes with identifiers in brackets, control characters as their pictures (␝).
         same: whether it holds the serial that was read; None if it has no serial, or none was read.
-        box_mm: as in `LineRecord`, and box_px.
     """
 
     kind: str
@@ -125,7 +115,7 @@ class CodeRecord:
 
 @dataclass(frozen=True)
 class PassRecord:
-    """One pass of the whiskers, and the posterior after it.
+    """One pass of the whiskers, and the most probable text after it.
 
     Attributes:
         direction_deg: of travel, 0, 90, 180, 270.
@@ -133,8 +123,6 @@ class PassRecord:
         along_mm: (least, greatest) coordinate along the lines.
         preload_mm: depth below the land at which the free tip ran.
         stage_s: stage seconds from the start of the first pass to the end of this one.
-        why: the reason for choosing it, in words; empty if none is known.
-        text: most probable text after it, which is right with the probability `confidence`.
     """
 
     direction_deg: int
@@ -152,32 +140,23 @@ class PassRecord:
 class ReadingRecord:
     """One reading of a part, as the store keeps it and as the service and tables show it.
 
-    Fields that a reader does not fill have their defaults.
-
     Attributes:
         source: vision, tactile or fused; empty with an error.
-        text: the serial; empty if nothing was found.
         decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
-        height_mm: character height; None if it or the photograph's scale is unknown.
+        height_mm: character height; None if it or the photograph's scale is unknown (`height_px` then).
         rotation_deg: of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty if no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
         seconds: from the opening of the files to the decision: with the download of URLs, without the making
             of the reader and the time on a stage.
-        at: time of the reading; the store sets its own.
         error: why there is no reading; empty if there is one.
-        height_px: character height in pixels of a photograph whose scale is unknown; else None.
-        verify_probability: probability that the part has the expected text; None if no text was expected.
         rivals: other possible serials, the most probable first.
         lines: the part's other lines: those that the settings name first, then the rest.
-        codes: Data Matrix and QR codes in its photographs.
         fields: named fields of the marking, such as SER KB74 or (21)KB74, on any of its lines.
         settings: hash of the settings that it was read with.
-        photos: number of photographs read; 0 for touch alone.
         passes: of active touch, in the frame of the boxes; `stage_s` are their stage seconds.
         stopped: why touch stopped: sure, no gain, budget, all felt, nothing found or stage failed.
-        faults: of whiskers and bench in the recording, in words.
         reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
         accept_risk: greatest share of wrong readings among those accepted of this sense; None without a reading.
     """
@@ -227,9 +206,7 @@ class ScanPlanRecord:
     Attributes:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
         directions_deg: of travel, 0, 180, 90, 270.
-        line_pitch_mm: distance of neighbouring traces.
         preload_mm: depth below the land at which the free tip runs.
-        reason: why touch is needed, in words.
         middle_mm: x, y of the photograph's middle in the region's frame, by which a stage finds the region; None if
             the scale is unknown: the region is then the stage's whole field.
     """

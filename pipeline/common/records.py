@@ -66,10 +66,9 @@ class Scope(StrEnum):
 
 @dataclass(frozen=True)
 class EvidenceRecord:
-    """One file kept for a part.
+    """One file kept for a part, under its hash (`sha256`, hexadecimal).
 
     Attributes:
-        sha256: of its content, hexadecimal; the file is stored under that name.
         name: the sender's name for it; never used as a path.
         meta: for pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
         gone: the file has expired and was deleted.
@@ -100,13 +99,9 @@ class ReviewRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """An event in the history of a part.
-
-    Attributes:
-        kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, review_undone, enrolled,
-            serial_alarm, serial_again, evidence_expired.
-        data: details, which depend on the kind.
-    """
+    """An event in the history of a part, with data that depends on its kind: received, read, touch_needed,
+    touch_failed, not_felt, compared, reviewed, review_undone, enrolled, serial_alarm, serial_again,
+    evidence_expired."""
 
     at: datetime
     kind: str
@@ -115,13 +110,8 @@ class EventRecord:
 
 @dataclass(frozen=True)
 class TouchWait:
-    """A part's wait for touch.
-
-    Attributes:
-        by_stage: the stage of its line scans it, in the call that has brought it; otherwise it waits for a release, or
-            for a scan of the sender's.
-        until: time at which it goes to review without touch; None: no limit.
-    """
+    """A part's wait for touch: by the stage of its line in the call that has brought it (`by_stage`), or for a release
+    or a scan of the sender's. It goes to review at `until`; None: no limit."""
 
     by_stage: bool
     until: datetime | None
@@ -157,11 +147,8 @@ class PartRecord:
         id: made by the store; sorts by time.
         name: the line's name for it; not unique.
         text: the current serial: as reviewed, else as last read; empty while touch is needed.
-        database: glyph database asked for; empty for the built-in fonts.
         job: job that it was read by; empty for the service's own settings.
-        line: line that it came from; empty where lines have no names.
         plan: the scan to make, while touch is needed or after it was missed.
-        touch: None for a part that does not wait for touch.
         not_felt: reason why it was not felt though the camera was unsure; empty if it was felt or need not be.
         review: the last review; None before the first.
         shadow: result in shadow mode; None for a part that the service has decided.
@@ -237,13 +224,7 @@ class PartStory(History):
 
 @dataclass(frozen=True)
 class TrendStep:
-    """Parts received in one hour or day (UTC) from `at`.
-
-    Attributes:
-        accepted: number of them accepted and not questioned since.
-        review: number of them that a person reviews or has reviewed.
-        rejects: number of them whose last reading was a reject.
-    """
+    """Parts received in one hour or day (UTC) from `at`: accepted and not questioned since, reviewed, and rejected."""
 
     at: datetime
     parts: int = 0
@@ -258,7 +239,6 @@ class Statistics:
 
     Attributes:
         fell_back: sent to touch.
-        rejects: their last reading was a reject.
         right_before_review: reading confirmed unchanged.
         seconds: (p50, p99) of the reading time by source; sources without readings are left out.
         trend: the hours or days in order, including those without parts.

@@ -17,8 +17,8 @@ _COMMENT = re.compile(r"(^|\s)#.*")
 
 
 def serial_format(settings: ReadSettings) -> Grammar | None:
-    """The grammar of the serials; None if the settings have none. Raises FileError: the lexicon cannot be used.
-    SettingsError: settings that contradict each other."""
+    """The grammar of the serials, if any. Raises FileError: no such lexicon. SettingsError: settings contradict each
+    other."""
     words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
     if not settings.format and words is None:
         return None
@@ -38,7 +38,7 @@ def outside_format(text: str, settings: ReadSettings) -> str:
 
 def read_lexicon(path: Path) -> frozenset[str]:
     """The serials in a text file, one per line; a # at the start or after a blank begins a comment. Raises
-    FileError: the file is missing, is not text or has no serial."""
+    FileError."""
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()

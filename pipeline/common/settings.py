@@ -1,8 +1,5 @@
-"""Settings of reading, declared once.
-
-From this model come the flags, the keys of `tactile-marks.toml`, the environment variables, the help texts and the
-reference in the documentation (`pipeline.cli.settings`). A library user builds it: `ReadSettings(font="gothic")`.
-"""
+"""Settings of reading, declared once: flags, file, environment, help and reference follow from this model, and a
+library user builds it, `ReadSettings(font="gothic")`."""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ class Share:
 
 
 def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, float]:
-    """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself with this confidence.
-    Raises ValueError: the count is below 0 or above the total, or the confidence does not lie between 0 and 1."""
+    """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself with this confidence. Raises
+    ValueError: the count is not from 0 to the total, or the confidence does not lie between 0 and 1."""
     from scipy.special import betaincinv
 
     if not 0 <= count <= total:

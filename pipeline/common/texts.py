@@ -1,10 +1,9 @@
 """Texts: stamped form, cells of a table, and alignment of a true serial with the one that was read.
 
-Lines of CSV are safe to open in any spreadsheet. Every cell is quoted, and text that it would take for a formula has an
-apostrophe in front, also where a spreadsheet of another country splits a cell: =1+1 <-> '=1+1, x;=1 <-> x;'=1.
+Cells of CSV are quoted, and text that a spreadsheet would take for a formula has an apostrophe in front, also where one
+of another country splits a cell: =1+1 <-> '=1+1, x;=1 <-> x;'=1.
 
-Serials of equal length are compared place by place. Others are aligned with the fewest edits (Levenshtein), with EXTRA
-or MISSING beside a character that has no partner.
+Serials of other lengths are aligned with the fewest edits (Levenshtein), EXTRA or MISSING beside what has no partner.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""Heights in binary grids of Surfer (.grd), Gwyddion (.gsf), MATLAB (.mat), TrueMap (.tmd) and NanoFocus (.nms).
-SurfaceTopography 1.27 knows no .grd and .gsf, reads one of the four variants of .tmd, takes the distances of .nms for
-millimetres (they are nanometres), and the rows of .mat for columns."""
+"""Heights in binary grids of Surfer (.grd), Gwyddion (.gsf), MATLAB (.mat), TrueMap (.tmd) and NanoFocus (.nms), which
+SurfaceTopography 1.27 reads not at all, or with rows for columns or nanometres for millimetres."""
 
 from __future__ import annotations
 
@@ -85,9 +84,9 @@ def read_gsf(path: Path, most: int = MAX_PIXELS) -> RawMap:
 def read_tmd(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """Read a TrueMap file, in mm, whose first row is the top one.
 
-    A title, and in some variants a comment, end with a zero; some writers pad them with more. Then come columns and
-    rows, width and height, from version 2 on the offsets along x and y, and the heights. The place and kind of the
-    numbers are those that leave exactly the heights, else those after the comment of version 2.
+    A title, and in some variants a comment, end with a zero, or are padded with more. Then come columns and rows, width
+    and height, from version 2 on the offsets along x and y, and the heights. The place and kind of the numbers are
+    those that leave exactly the heights, else those after the comment of version 2.
     """
     data = path.read_bytes()
     if not _TMD_TITLE.match(data):

@@ -128,11 +128,11 @@ def discover(
 ) -> Listing:
     """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
-    Files of other kinds are passed over in a folder or glob. Named on their own they are parts with a problem, as are
-    missing files. A part in a subfolder has the subfolder in its name. Hidden folders, folders of the system, links to
-    folders and subfolders of a web server are not searched. A URL with the suffix of a known kind counts as a file
-    without a check; any other URL is listed. Raises NothingFoundError: there is no file. FileError: a manifest cannot
-    be used, or a folder cannot be listed. MissingExtraError: a library that URLs need is not installed.
+    Files of other kinds are passed over in a folder or glob, and are parts with a problem if named on their own, as
+    missing files are. Hidden folders, folders of the system, links to folders and subfolders of a web server are not
+    searched. A URL with the suffix of a known kind counts as a file without a check. Raises NothingFoundError: there is
+    no file. FileError: a manifest or folder cannot be used. MissingExtraError: a library that URLs need is not
+    installed.
     """
     from pipeline.formats.remote import list_remote
 
@@ -207,8 +207,8 @@ class FoundFiles:
                 self.passed_over.folders[below] = why
 
     def add(self, files: Sequence[str], *, named: bool = False, root: str = "") -> None:
-        """Add the files of folders or of a glob, or one file `named` on its own with the photographs beside it: a part
-        of whatever kind. Parts below the `root` that the user named have their subfolder in their names."""
+        """Add the files of folders or of a glob, or one file `named` on its own with the photographs beside it, of
+        whatever kind; parts below the `root` that the user named have their subfolder in their names."""
         for file in files:
             key, kind = self._key_and_kind(file)
             if key is None:

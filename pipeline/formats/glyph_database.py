@@ -3,8 +3,7 @@
 name of the format, format_version, sha256       a line each
 the database as JSON, compressed by zlib         an array is {"dtype", "shape", "base64"}
 
-The digest covers everything after it. It is checked before anything is unpacked: a damaged file is refused, never
-half-read. A file can come from anywhere, so its unpacked size is limited.
+The digest covers everything after it and is checked before anything is unpacked. The unpacked size is limited.
 """
 
 from __future__ import annotations
@@ -45,8 +44,8 @@ _NUMBERS = ("<f4", "<f8")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exemplar(OneLine):
-    """One character measured by touch, and enrolled. Raises MarksError: not one character, a time that is not ISO 8601,
-    or a relief without rows and columns."""
+    """One character measured by touch, and enrolled. Raises MarksError: not one character, no time, or an empty
+    relief."""
 
     char: str
     font_name: str

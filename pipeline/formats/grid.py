@@ -1,8 +1,7 @@
 """Conversion of the heights of a file to a HeightMap: bad points, rows, units, offset, and one pitch for both axes.
 
 Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that fit no
-such part in the file's unit (default: millimetres) are refused with a hint at the unit they fit. A unit in the settings
-replaces the file's.
+such part in the file's unit, or that of the settings, are refused with a hint at the unit they fit.
 """
 
 from __future__ import annotations
@@ -237,8 +236,8 @@ MAX_PITCH_MM = 10.0
 
 
 def part_map(raw: RawMap, settings: MapSettings) -> Surface:
-    """The top of a part in mm, row 0 at the top, and the dirt on it, if stated. Raises MarksError: sizes, pitches,
-    units or heights that cannot be used."""
+    """The top of a part in mm, row 0 at the top, and the dirt on it, if stated. Raises MarksError: it cannot be
+    used."""
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)
@@ -309,8 +308,7 @@ def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:
 
 
 def _on_square_grid(z: NDArray[np.float64], x_mm: float, y_mm: float) -> tuple[NDArray[np.float64], float]:
-    """Resample the coarser axis linearly to the finer pitch, or the finer axis if it is more than four times finer. A
-    sample interpolated with a dropout is a dropout."""
+    """Resample the coarser axis linearly to the finer pitch, or the finer axis if it is more than four times finer."""
     finer, coarser = sorted((x_mm, y_mm))
     if coarser / finer - 1.0 <= SAME_PITCH:
         return z, 0.5 * (finer + coarser)

@@ -1,6 +1,5 @@
-"""Check an HDF5 file before it is read: all content must be inside it, and of bounded size. HDF5 can point to other
-files (external links, external storage, virtual datasets), and a stranger's file must not read the server's. Nothing is
-decoded and no link is followed."""
+"""Check that all content of an HDF5 file is inside it and of bounded size, without decoding or following links: through
+external links, external storage or virtual datasets a stranger's file could read the server's."""
 
 from __future__ import annotations
 
@@ -34,9 +33,8 @@ def hdf5_damage() -> Iterator[None]:
 
 
 def check_hdf5(path: Path, *, most: int | None) -> None:
-    """Check that all content of an HDF5 file is inside it, in few and small chunks. Raises MarksError: a check fails.
-    Its signal may hold `most` values, another dataset twice as many; without `most` only objects and chunks are
-    checked."""
+    """Check an HDF5 file and its chunks. Raises MarksError: a check fails. Its signal may hold `most` values, another
+    dataset twice as many; without `most` only objects and chunks are checked."""
     import h5py
 
     links: dict[str, Any] = {}

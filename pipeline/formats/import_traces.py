@@ -5,9 +5,9 @@
              |__/                                                      samples that stand still are left out
              +-------------> t    position: u = +-x or +-y, growing; moments by straight lines at even steps of u
 
-Stages do not run evenly, and passes do not begin at the same place: all passes of a direction are resampled on one
-raster, over the stretch that they share. The sampling rate comes from the whole time between pauses, not from single
-steps: a coarse clock gives several samples one time. Time may go back at midnight, or to 0 at a new pass only.
+All passes of a direction are resampled on one raster, over the stretch that they share. The sampling rate comes from
+the whole time between pauses: a coarse clock gives several samples one time. Time may go back at midnight, or to 0 at a
+new pass only.
 """
 
 from __future__ import annotations
@@ -64,8 +64,7 @@ class _Pass:
 
 def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
     """Read a scan from trace files, in the order of recording; moments in N mm, volts unchanged. Its notes name faults
-    of the signals. Raises FileError: a file that cannot be used, with its line or channel. MissingExtraError: TDMS
-    without its library."""
+    of the signals. Raises FileError: with line or channel. MissingExtraError: TDMS without its library."""
     passes: list[_Pass] = []
     rates = []
     for path in paths:
@@ -177,8 +176,7 @@ def _check_counter(table: TraceTable, name: str, rows: NDArray[np.intp], positio
 
 def between_polls(u: Floats) -> Floats:
     """Interpolate (samples,) positions along the travel between polls, for a stage polled more slowly than the signals.
-    Until the next poll, several samples have one position. If a position holds for much longer than usual, the stage
-    has stopped, and nothing is changed."""
+    A position that holds for much longer than usual is a stop, and nothing is changed."""
     polls = np.flatnonzero(np.r_[True, np.diff(u) != 0.0])
     if polls.size < 3:
         return u
@@ -282,8 +280,8 @@ def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
 
 
 def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restart: float = 0.2) -> int | None:
-    """The first row whose time is before that of the row ahead, other than with a clock that restarts at a new pass. It
-    restarts in less than `restart` of the time since its last start; a step over midnight is positive."""
+    """The first row whose time is before that of the row ahead, other than with a clock that restarts at a new pass: in
+    less than `restart` of the time since its last start. A step over midnight is positive."""
     start = 0
     for k in np.flatnonzero(steps < 0.0).tolist():
         row = k + 1
@@ -295,8 +293,8 @@ def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restar
 
 
 def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, position_unit: str) -> None:
-    """Refuse times or positions of an impossible speed of the stage (DataError); the hint names the likely unit.
-    `time_unit` is None if the rate was stated."""
+    """Check the speed of the stage. Raises DataError: it is impossible; the hint names the likely unit. `time_unit` is
+    None if the rate was stated."""
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:
         return

@@ -1,11 +1,8 @@
 """Height maps as instruments write them: X3P and SDF (ISO 25178) by x3pio and sdfio, others with the extra `formats`.
 
-X3P and SDF state a right-handed frame: y grows with the row, so the first row is the lowest one of the part, unless the
-`Origin` of an X3P is in the north or its increment along y is negative. Some writers put the top row first and do not
-say so.
-
-The transpose of SurfaceTopography's `heights()[x, y]` is an upright image with the top row first in every format except
-X3P and SDF, whose rows keep the file's order.
+X3P and SDF state a right-handed frame, so the first row is the lowest one of the part, unless the `Origin` of an X3P is
+in the north or its increment along y is negative. Some writers put the top row first and do not say so. The transpose
+of SurfaceTopography's `heights()[x, y]` has the top row first in every other format.
 """
 
 from __future__ import annotations
@@ -49,7 +46,7 @@ _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kin
 
 
 def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of a file, through SurfaceTopography. Raises DataError: it cannot be used, or the extra `formats` is
+    """The heights of a file, through SurfaceTopography. Raises DataError: it cannot be used, or `formats` is
     missing."""
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)
@@ -168,8 +165,8 @@ def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The first layer of an X3P surface, in metres. A description with an unusual root element or an outdated checksum
-    is read all the same; the checksum of the heights must match."""
+    """The first layer of an X3P surface, in metres. An unusual root element or an outdated checksum of the description
+    is passed over; the checksum of the heights must match."""
     import x3pio
 
     check_zip(path, most_bytes=_MOST_DESCRIPTION_BYTES, ending=".xml")

@@ -14,8 +14,7 @@ FORMATS_SUFFIXES = (
     *(".mi", ".mnt", ".nid", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
     *(".spm", ".sur", ".vk3", ".vk4", ".vk6", ".vk7", ".zmg", ".zon"),
 )
-"""Formats of the extra `formats` whose suffix always means a height map; any other suffix is tried, too,
-when the file is named on its own."""
+"""Formats of the extra `formats` whose suffix always means a height map; others are tried when named on their own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 # size limit of a file
@@ -100,11 +99,8 @@ READERS = {
     **dict.fromkeys((".xyz", ".asc", ".pts"), TEXT_READER),
     **{suffix: (INSTRUMENT_READER, suffix) for suffix in FORMATS_SUFFIXES},
 }
-"""Reader of height maps by suffix, as module.function of this package, loaded when needed; kind of file in messages.
-
-It is called with the path and the most samples that the file may hold, and raises a DataError for a file that cannot be
-used.
-"""
+"""Reader of height maps by suffix, as module.function of this package, loaded when needed; kind of file in messages. It
+is called with the path and the most samples that the file may hold, and raises DataError: the file cannot be used."""
 _BY_SUFFIX = {
     **dict.fromkeys(READERS, "height_map"),
     **dict.fromkeys(SCAN_SUFFIXES, "scan"),
@@ -124,8 +120,8 @@ def kind_of(head: bytes) -> PhotoKind | None:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file or folder has a hidden name, or one under which programs write before they rename it. So has a
-    photograph with any other ending behind its own, such as part.jpg.1."""
+    """Whether a name is hidden, or one under which programs write before they rename it, or has another ending behind
+    that of a photograph, such as part.jpg.1."""
     stem, suffix = os.path.splitext(name.lower())
     longer = suffix not in PHOTO_SUFFIXES and os.path.splitext(stem)[1] in PHOTO_SUFFIXES
     return longer or _TEMPORARY.match(name) is not None

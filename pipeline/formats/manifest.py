@@ -83,10 +83,8 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
     """The parts of a table, see `table_lines`, from its path or URL.
 
     File names are relative to the table. A part without a name takes that of its first file, with as much of the folder
-    as makes it unique. Other columns and empty lines are ignored.
-
-    Raises FileError: it cannot be read, has no column of files or a misspelled one, or a line is not complete, names no
-    file or repeats a part. MissingExtraError: a library that URLs need is not installed.
+    as makes it unique. Other columns and empty lines are ignored. Raises FileError: it cannot be read, has no column of
+    files, or a line is incomplete, names no file or repeats a part. MissingExtraError: a library for URLs is missing.
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
     parts: list[PartFiles] = []

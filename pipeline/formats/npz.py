@@ -1,11 +1,8 @@
 """Height maps as `.npz`: `z_mm` (rows, cols) in mm, NaN for dropouts, row 0 at the top, and one `pitch_mm`.
 
-Optional members describe dirt on the part: `friction`, `soft_mm` (thickness of dirt that yields, with `z_mm` as its
-top) and `hardness_mpa`, each a map on the same grid or one number. `rows` says whether the first row is the top one
-("top-first") or the lowest one ("bottom-first"). A file without it may have been written either way.
-
-The header of a member is checked before the member is unpacked: one that is too large or of the wrong type is refused
-without using memory.
+Optional members describe dirt: `friction`, `soft_mm` (thickness of dirt that yields, with `z_mm` as its top) and
+`hardness_mpa`, each a map on the same grid or one number. `rows` ("top-first", "bottom-first") states the order of
+rows. A member's header is checked before it is unpacked.
 """
 
 from __future__ import annotations

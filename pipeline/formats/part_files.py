@@ -198,8 +198,7 @@ def set_of(file: str) -> str:
 
 
 def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
-    """The parts with unique names: as much of the folder before a name as needed. Parts with the same name and folder,
-    which only manifests can list, are numbered."""
+    """The parts with unique names: as much of the folder before a name as needed, or numbers after it."""
     names = [p.name for p in parts]
     if len(set(names)) == len(names):
         return parts

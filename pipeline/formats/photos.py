@@ -1,5 +1,5 @@
-"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out. Pillow reads the header and decodes;
-OpenCV decodes pictures of 16 bit, which Pillow would cut to 8."""
+"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out. Pillow decodes; OpenCV pictures of 16 bit,
+which Pillow would cut to 8."""
 
 from __future__ import annotations
 
@@ -48,9 +48,8 @@ def _turn_upright(pixels: Decoded, orientation: int) -> Decoded:
 
 
 def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
-    """(rows, cols, 3) opaque pixels, and the background ("white", "black") that shows through; "" if none does. Evenly
-    opaque or transparent pictures keep their colours. The background is white if the opaque parts are dark, else
-    black."""
+    """(rows, cols, 3) opaque pixels, and the background that shows through: "white" if the opaque parts are dark, else
+    "black"; "" if none does. Evenly opaque or transparent pictures keep their colours."""
     colours = pixels[..., :3]
     if pixels.shape[2] < 4:
         return colours, ""
@@ -67,8 +66,8 @@ def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
 
 
 def stretch(pixels: Decoded) -> Pixels:
-    """Stretch pixels of 16 bit to their full scale; 8 bit is unchanged. The scale ends a little beyond the percentiles,
-    but not beyond the least and greatest values."""
+    """Stretch pixels of 16 bit to their full scale, a little beyond the percentiles but not beyond the least and
+    greatest values; 8 bit is unchanged."""
     if pixels.dtype == np.uint8:
         return pixels.view(np.uint8)
     some = _some(pixels)
@@ -115,12 +114,11 @@ _FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
 def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     """Read a photograph as red, green and blue of 8 or 16 bit, turned upright by its EXIF data.
 
-    Pictures of 16 bit are stretched between percentiles, so that neither a 12 bit camera nor a single glint leaves
-    the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
-    frame. Transparent pixels are laid on white, or on black if the rest is bright. The photograph's notes say so.
-    The pixel size is that of the file, if it states one in metres or inches other than the usual defaults (72 or 96
-    dpi). It may have `most` pixels. Raises FileError: the file cannot be used, or takes more work to decode than a
-    photograph.
+    Pictures of 16 bit are stretched between percentiles, so that neither a 12 bit camera nor a glint leaves the rest
+    black. In a file of several pages the first that is not blank is read, in an animation the first frame. Transparent
+    pixels are laid on white, or on black if the rest is bright. The photograph's notes say so. The pixel size is the
+    file's, in metres or inches, unless it is a usual default (72 or 96 dpi). Raises FileError: the file cannot be used,
+    has more than `most` pixels, or takes more work to decode than a photograph.
     """
     path = Path(path)
     with _open_image(path, most) as image:
@@ -286,8 +284,8 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits that the user declares to be heights. The pitch is
-    the pixel's size if the file states one. Colour pictures and those of 8 bits are refused."""
+    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits, without colours; the pitch is the pixel's size,
+    if stated."""
     pitch_mm = None
     if (size := _size_of_doubles(path)) is not None:
         check_size(*size, most)
@@ -321,8 +319,7 @@ def _size_of_doubles(path: Path) -> tuple[int, int] | None:
 
 
 def write_photo(path: Path, photo: Photo) -> None:
-    """Write a photograph as PNG of 8 bit with its pixel's size, if known, whole or not at all. Raises FileError: it
-    cannot be written."""
+    """Write a photograph as PNG of 8 bit with its pixel's size, if known, whole or not at all. Raises FileError."""
     from PIL import Image
 
     check_writable(path, (".png",))

@@ -1,5 +1,5 @@
-"""Count the pieces of a picture file before a decoder works through them one by one, in Python. A photograph has some
-thousand pieces; a file of millions of empty ones is small and keeps a decoder busy for minutes."""
+"""Count the pieces of a picture file before a decoder works through them: millions of empty ones keep it busy for
+minutes."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Heights from meshes (STL, PLY, OBJ, by trimesh) and points.
+"""Heights from meshes (STL, PLY, OBJ, by trimesh) and points, which state no unit.
 
 x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a
-grid keep their heights; others are joined by triangles, of which the highest at a place counts, so that the underside
-of a closed body is not read. A plate that is tilted, or lies in x and z because y is up, is first turned to face z. The
-files state no unit.
+grid keep their heights; others are joined by triangles, of which the highest at a place counts. A plate that is tilted,
+or lies in x and z because y is up, is first turned to face z.
 """
 
 from __future__ import annotations
@@ -83,8 +82,8 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _check_ply(data: bytes, most: int) -> None:
-    """Check that the lines or bytes of a PLY file are about as many as its head declares. trimesh makes an array of
-    each line of a text, and a type of all properties before it looks at the length."""
+    """Check that the lines or bytes of a PLY file are about as many as its head declares, before trimesh makes
+    arrays."""
     end = data.find(b"end_header", 0, _MOST_HEAD_BYTES)
     if end < 0 or data.count(b"property", 0, end) > _MOST_PROPERTIES:
         raise DataError("is damaged or not a PLY file (its head does not end)", "copy or export it again")
@@ -153,8 +152,8 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
 def map_of_points(
     points: NDArray[np.number], faces: Faces | None = None, *, most: int = MAX_PIXELS
 ) -> RawMap:
-    """Make a grid of heights from points (n, 3) and their triangles (m, 3), if any. Raises DataError: too few
-    points, points in one line, or a map of more samples than the limit."""
+    """Make a grid of heights from points (n, 3) and their triangles (m, 3), if any. Raises DataError: too few points,
+    points in one line, or a map of more samples than the limit."""
     xyz: Points = np.array(points, dtype=np.float64)
     if faces is None:
         empty = ~xyz.any(axis=1)
@@ -180,8 +179,7 @@ def map_of_points(
 
 
 def _is_profile(points: Points) -> bool:
-    """Whether x or y of the points grows or falls from each to the next, by about the same step. A surface's points go
-    back for each line, and scattered ones that are sorted have steps of any size."""
+    """Whether x or y of the points grows or falls from each to the next, by about the same step."""
     if len(points) < _LEAST_GRID:
         return False
     steps = np.diff(points[:, :2], axis=0)

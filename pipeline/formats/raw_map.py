@@ -68,8 +68,7 @@ def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def without_isolated_value(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace the lowest or highest value by NaN, in place, if many samples share it and no other comes near it. It may
-    be a real depth: a map that fits a part as it is keeps it."""
+    """Replace the lowest or highest value by NaN, in place, if many samples share it and no other comes near it."""
     return _without_markers(z, _is_isolated)
 
 

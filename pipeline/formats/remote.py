@@ -2,11 +2,10 @@
 
     s3://bucket/lot/a.npz --fetched--> /tmp/tactile-marks-x/height_map/a.npz --read--> gone
 
-Credentials, endpoints and proxies are those of fsspec's file systems: AWS_ACCESS_KEY_ID, AWS_PROFILE,
-AWS_ENDPOINT_URL, GOOGLE_APPLICATION_CREDENTIALS, or fsspec's own configuration, which overrides the time limits here.
-Only kinds of URL that name one file in one place are read: chains (`zip://a::s3://b`), archives and caches, which could
-write or open anything else, are refused. Names are used unchanged: %20 does not become a space, and :: in an object's
-name is not a chain.
+Credentials, endpoints and proxies are those of fsspec's file systems (AWS_ACCESS_KEY_ID, AWS_PROFILE, AWS_ENDPOINT_URL,
+GOOGLE_APPLICATION_CREDENTIALS) or fsspec's configuration, which overrides the time limits here. Chains
+(`zip://a::s3://b`), archives and caches, which could write or open anything else, are refused. Names are used
+unchanged: %20 does not become a space, and :: in an object's name is not a chain.
 """
 
 from __future__ import annotations
@@ -53,11 +52,9 @@ def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]]
     """List the files of a folder, or of a glob and of the folders that it matches, sorted by name.
 
     A URL of a file gives that file. A folder of a web server ends in a slash; its files are the links on its page, and
-    its subfolders are not searched. Raises FileError, MissingExtraError as `local_copies`.
-
-    Returns:
-        (folder, URLs of its files and of those below it) of every folder that is named, the files of a glob below an
-        empty name; and the folders that were not searched, with the reason.
+    its subfolders are not searched. Raises FileError, MissingExtraError as `local_copies`. Returns (folder, URLs of its
+    files and of those below it) of every folder that is named, the files of a glob below an empty name; and the folders
+    that were not searched, with the reason.
     """
     files = _file_system(url)
     with _as_file_errors(url):
@@ -98,9 +95,9 @@ def list_remote(url: str, *, recurse: bool) -> tuple[list[tuple[str, list[str]]]
 def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
-    Errors of a copy name its URL. If the part has touch files, a photograph that cannot be copied is a problem of the
-    photograph alone, and without `photos` none is copied. A part with a problem is not copied at all. Raises FileError:
-    a file is missing, may not be read, is too long, or cannot be copied. MissingExtraError: a library is not installed.
+    If the part has touch files, a photograph that cannot be copied is a problem of the photograph alone, and without
+    `photos` none is copied. A part with a problem is not copied. Raises FileError: a file is missing, may not be read,
+    is too long, or cannot be copied; it names the URL. MissingExtraError: a library is not installed.
     """
     if part.felt and not photos:
         part = replace(part, photos=())

@@ -1,6 +1,5 @@
-"""Make test parts: stamped plates, dirt, photographs, and the table of their texts. Only `truth.csv` holds the texts,
-no part's own file does. A part depends on the seed and its number only, so the first ten of fifty are the same as
-ten."""
+"""Make test parts: stamped plates, dirt, photographs, and the table of their texts (`truth.csv`). A part depends on the
+seed and its number only, so the first ten of fifty are the same as ten."""
 
 from __future__ import annotations
 
@@ -47,8 +46,7 @@ _STAMP_SETTINGS = (
 @dataclass(frozen=True)
 class SynthSpec(Stamping):
     """Settings of the parts to stamp, and the dirt on them. With two lines, the truth is the line in the format. Raises
-    SettingsError: an impossible format, font, die, light or pixel size; a practice without variation. StampError:
-    unknown practice, die, plate or layout."""
+    SettingsError: an impossible or contradictory setting. StampError: unknown practice, die, plate or layout."""
 
     soiling: Soiling = field(default_factory=Soiling)
 
@@ -116,8 +114,8 @@ def write_parts(
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`; return (name, text) of each.
 
     `each` calls a function with every number and gives the results in order, as `map` does. Raises FileError: the
-    folder is not empty and `overwrite` is off, or it cannot be written. MapError: a photograph too large.
-    SettingsError: an invalid number of parts.
+    folder cannot be written, or is not empty without `overwrite`. MapError: a photograph too large. SettingsError: no
+    such number.
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it must be between 1 and {MAX_PARTS:,}")

@@ -1,5 +1,4 @@
-"""Read tables that people save from a spreadsheet: workbooks, and every form of CSV that spreadsheets write. All tables
-from users are read here: manifests, expected texts, production orders, answers to an exam."""
+"""Read the tables of users: workbooks, and every form of CSV that spreadsheets write."""
 
 from __future__ import annotations
 
@@ -57,8 +56,7 @@ def table_lines(
     """Read the lines of a table, headings (if any) included; one line is in memory at a time.
 
     Bytes that are not UTF-8 are read as Windows-1252. Lines are only skipped at the start where the delimiter is given
-    (default: detected), those with # (`comments`) anywhere. Raises DataError: it is neither text nor a workbook, or not
-    CSV; names the line.
+    (default: detected), those with # (`comments`) anywhere. Raises DataError, with the line: it is no table.
     """
     with path.open("rb") as start:
         head = start.read(_SAMPLE_BYTES)

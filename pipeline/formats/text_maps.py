@@ -1,10 +1,9 @@
 """Heights in text files: columns x y z, or a matrix of heights with a heading that describes it.
 
-Any delimiter, a decimal point or comma, headings, and words for missing values are accepted.
-
-Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
-Surfer, Zygo XYZ and plain `key = value unit` lines. The first row of a matrix is the top one, unless a column of y
-says otherwise. ESRI and Gwyddion always write the top row first, Wyko and Surfer the bottom row.
+Any delimiter, a decimal point or comma, headings, and words for missing values are accepted. Known headings: ESRI grids
+(ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP, Surfer, Zygo XYZ and plain
+`key = value unit` lines. The first row of a matrix is the top one, unless a column of y says otherwise; in Wyko and
+Surfer it is the bottom row.
 """
 
 from __future__ import annotations
@@ -447,8 +446,7 @@ def _xy_mm(entries: Sequence[_HeadEntry]) -> float | None:
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
-    """Wyko: a line of the file is a column of the map, the lowest row first; heights in wavelengths or nm.
-    SurfaceTopography 1.27 takes the lines for rows, which mirrors the map."""
+    """Wyko: a line of the file is a column of the map, the lowest row first; heights in wavelengths or nm."""
     number = r"\s+\d+\s+\d+\s+([-+.\deE]+)"
     stated = {
         key: float(line[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")

@@ -63,8 +63,7 @@ class TraceTable:
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
-        """Check that no row (rows, ...) lacks a value or has an overload in its place. Raises DataError: one does;
-        names the first."""
+        """Check that no row (rows, ...) lacks a value or has an overload. Raises DataError: one does; it is named."""
         rows = values.reshape(self.n_rows, -1)
         lost = np.flatnonzero(~(np.abs(rows) < OVERLOAD).all(axis=1))
         if lost.size:
@@ -74,9 +73,9 @@ class TraceTable:
 
 
 def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
-    """Read the columns that the description names; time stamps are converted to seconds. TDMS channels with another
-    start or sampling rate than the first are resampled at its samples. Raises DataError: the file is of another kind or
-    damaged, lacks a column, or has a value that is not a number. MissingExtraError: the library for TDMS is missing."""
+    """Read the columns that the description names; time stamps are converted to seconds, and TDMS channels resampled at
+    the samples of the first. Raises DataError: the file is damaged or of another kind, or lacks a column or a number.
+    MissingExtraError: the library for TDMS is missing."""
     if path.suffix.lower() == ".tdms":
         return _tdms(path, layout.columns)
     if path.suffix.lower() not in CSV_SUFFIXES:
@@ -233,8 +232,8 @@ def _tdms(path: Path, names: Columns) -> TraceTable:
 def _on_first_clock(
     columns: Mapping[Column, Floats], channels: Mapping[Column, Any], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
-    """Resample channels at the samples of the first one, over the time that all of them cover. Those that hold a value
-    until it changes (`states`) are not interpolated."""
+    """Resample channels at the samples of the first one, over their common time; `states` hold their value until it
+    changes."""
     starts = {n: np.datetime64(c.properties.get("wf_start_time") or 0, "ns") for n, c in channels.items()}
     first, at_s = next(iter(channels)), {}
     for name, channel in channels.items():

@@ -1,10 +1,8 @@
 """Tables of texts: the truth of parts and the production order; accuracy of readings against the truth.
 
-*Character accuracy* is 1 - (sum of edit distances) / (sum of true lengths), not below 0: an edit is one
-character wrong, missing or too many (Levenshtein). *Serial accuracy* is the share of parts whose whole text
-is right. Spaces count for neither: they are not stamped. A part with an error counts as read empty.
-
-Parts in subfolders: the table may name tray-7/part-3 or part-3.jpg; the longest common end of both paths decides.
+*Character accuracy* is 1 - (sum of edit distances) / (sum of true lengths), not below 0 (Levenshtein). *Serial
+accuracy* is the share of parts whose whole text is right. Spaces count for neither, and a part with an error counts as
+read empty. A table may name tray-7/part-3 or part-3.jpg; the longest common end of both paths decides.
 """
 
 from __future__ import annotations
@@ -188,10 +186,8 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 
 def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
     """The value of `--verify`: a text of every part, or texts by part from a table (.csv, .xlsx or an existing file).
-
-    Raises FileError: the table is missing, or a text in it does not fit the grammar. SettingsError: the text is empty
-    or does not fit it.
-    """
+    Raises FileError: the table is missing, or has a text that does not fit the grammar. SettingsError: the text does
+    not fit."""
 
     def broken(text: str) -> str:
         return "" if grammar is None else "; ".join(grammar.objections(text))
@@ -231,7 +227,7 @@ _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 def read_order(path: Path, grammar: Grammar | None = None) -> ProductionOrder:
     """Read the production order in a file: one serial per line, the column `serial` of a table, or ranges A001..A099. A
     range with a dash, A001-A099, must be unmistakable: the whole does not fit the grammar, and both ends do. Raises
-    FileError: it is not text, no single column holds the serials, a cell is not a serial, or a range is invalid."""
+    FileError: it is not text, no single column holds the serials, or a serial or range is invalid."""
     with reading(path, most_bytes=_MOST_BYTES):
         column, lines = _serials_column(list(table_lines(path, comments=True)))
         serials: set[str] = set()

@@ -152,8 +152,7 @@ def _built(written: _L | _Straight) -> WhiskerFile:
 
 
 def read_whisker_file(path: Path) -> WhiskerFile:
-    """Read a whisker and its use. Raises FileError: the file is missing or not TOML, has unknown, missing or invalid
-    keys, or describes a whisker that jams on the land."""
+    """Read a whisker and its use. Raises FileError: the file is missing or invalid, or its whisker jams on the land."""
     written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)
     with naming(path):
         return _built(written)
@@ -204,8 +203,8 @@ def read_piece(path: Path) -> Piece:
 
 
 def heights_of_piece(path: Path) -> Heights:
-    """Function that returns the height over the land at places of the piece in a file, mm. Raises FileError: the file
-    cannot be used, or is a map with holes."""
+    """Height over the land at places of the piece in a file, mm, as a function. Raises FileError: no piece, or a map
+    with holes."""
     from recognition.see.levelling import level
     from whisker_array.identification.piece_map import heights_of
 

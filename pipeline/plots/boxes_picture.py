@@ -11,7 +11,7 @@ _ORANGE_BGR, _WHITE_BGR = (46, 87, 228), (255, 255, 255)
 
 
 def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord) -> bytes:
-    """Draw each character's box and the character read there, as PNG, on a picture made by the service. `meta` holds
+    """Draw each character's box and the character read there, as PNG, on a picture made by the service; `meta` holds
     x0_mm, y0_mm of the middle of its pixel (0, 0), and mm_per_pixel."""
     import numpy as np
 

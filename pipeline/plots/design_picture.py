@@ -1,5 +1,5 @@
-"""Draw designs as charts; `whisker_drawing` draws the whisker itself. For a whisker: F against the wall's inclination,
-and the trade-offs. For arrays: stage seconds against the number of whiskers."""
+"""Draw designs as charts: F against the wall's inclination, trade-offs, and stage seconds against the number of
+whiskers."""
 
 from __future__ import annotations
 

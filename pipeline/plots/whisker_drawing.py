@@ -32,8 +32,8 @@ Point = tuple[float, float]
 
 
 def check_drawing(path: Path) -> None:
-    """Refuse, before the work starts, a drawing that could not be written. Raises FileError: the suffix is unknown,
-    or the file cannot be written. ModuleNotFoundError: ezdxf is not installed (extra `drawing`)."""
+    """Check, before the work starts, that a drawing can be written. Raises FileError: it cannot, or the suffix is
+    unknown. ModuleNotFoundError: ezdxf is not installed (extra `drawing`)."""
     import_module("ezdxf")
     check_writable(path, _SUFFIXES)
 
@@ -50,8 +50,7 @@ def save_drawing(whisker: WhiskerFile, path: Path) -> None:
 
 
 def whisker_drawing(whisker: WhiskerFile) -> Drawing:
-    """Draw in millimetres, land at y = 0, the force-free tip at x = 0. The clamp is at its height during a scan: there
-    the free tip would be the preload below the land."""
+    """Draw in millimetres, land at y = 0, the force-free tip at x = 0, the clamp at its height during a scan."""
     from ezdxf import units
     from ezdxf.filemanagement import new
 

@@ -1,6 +1,5 @@
-"""Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for. A
-certificate is valid for the program, networks and settings that it was made with. It is refused by another version or
-with other networks. A part that is read with other settings (its own format, another database) is not accepted."""
+"""Certificates: a threshold of confidence for acceptance, tested on labelled parts. A certificate is valid for the
+program, networks and settings that it was made with; parts that are read with other settings are not accepted."""
 
 from __future__ import annotations
 
@@ -26,8 +25,8 @@ from recognition.decide.risk_text import risk_in_words
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
 _NOT_COVERED = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
-"""Settings that may differ from the certified ones: the certificate lists its sources, and units belong to a file.
-`rows` may not differ: like the orientation, the order of rows decides what may be accepted."""
+"""Settings that may differ from the certified ones. `rows` may not: like the orientation, it decides what may be
+accepted."""
 _FILES = ("database", "lexicon", "whisker")
 _AGAIN = "make a new one with: tactile-marks certify"
 
@@ -121,9 +120,8 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def certificate_of(settings: ReadSettings) -> Certificate | None:
-    """Load the certificate that the settings name, and check it against program and settings; None without one. Raises
-    FileError: the file is not a certificate. SettingsError: it was made with another program, other networks or other
-    settings."""
+    """Load the certificate of the settings, if any, and check it against program and settings. Raises FileError: it is
+    no certificate. SettingsError: it was made with another program, other networks or other settings."""
     if settings.certificate is None:
         return None
     certificate = valid_certificate(settings.certificate)
@@ -149,8 +147,7 @@ def valid_certificate(path: Path) -> Certificate:
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
     """Certified acceptance, of no sources if the settings are not the certified ones; None without a certificate.
-    Raises FileError: the file is not a certificate. SettingsError: it was made with another program or other
-    networks."""
+    Errors are those of `certificate_of`."""
     if settings.certificate is None:
         return None
     certificate = valid_certificate(settings.certificate)

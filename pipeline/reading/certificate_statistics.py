@@ -1,6 +1,5 @@
-"""Whether parts are like those that were certified, by their measures. Each measure is tested by itself (Kolmogorov and
-Smirnov), at P_VALUE divided by the number of measures (Bonferroni). All measures together then give a false alarm in at
-most P_VALUE of the tests."""
+"""Whether parts are like those that were certified: each measure is tested by itself (Kolmogorov and Smirnov), at
+P_VALUE divided by the number of measures (Bonferroni)."""
 
 from __future__ import annotations
 
@@ -18,8 +17,8 @@ LEAST_PARTS = 20  # on either side of a comparison
 
 @dataclass(frozen=True)
 class KindOfParts:
-    """Ascending values of each measure over some parts; for many parts, evenly spaced quantiles. Raises ValueError:
-    they are not ascending, or not finite."""
+    """Ascending values of each measure over some parts, or quantiles of many. Raises ValueError: not ascending or
+    finite."""
 
     values: Mapping[Measure, tuple[float, ...]]
 
@@ -60,8 +59,8 @@ class Unlike:
 
 
 def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tuple[Unlike, ...]:
-    """Find the measures in which parts differ from a kind, lowest p-value first; none if there are too few parts. Each
-    measure has a two-sample Kolmogorov-Smirnov test, exact for few parts (`scipy.stats.ks_2samp`)."""
+    """Find the measures in which parts differ from a kind, lowest p-value first (`scipy.stats.ks_2samp`); none if there
+    are too few parts."""
     from scipy.stats import ks_2samp
 
     differing = []

@@ -1,5 +1,5 @@
-"""Monitor whether the parts being read are of the kind that was certified. After every EVERY parts, the last WINDOW
-parts are compared with those of the certificate. A difference is reported once, until the parts are alike again."""
+"""Monitor whether the parts being read are of the kind that was certified: after every EVERY parts, the last WINDOW
+parts are compared. A difference is reported once, until the parts are alike again."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ def watch_of(settings: ReadSettings) -> DriftWatch | None:
 
 
 class DriftWatch:
-    """Running comparison of the latest `window` parts with those of a certificate; threads may share it. A comparison
-    takes some tenths of a second, the first one seconds, as it imports SciPy's statistics."""
+    """Running comparison of the latest `window` parts with those of a certificate; threads may share it."""
 
     window = WINDOW
 

@@ -1,6 +1,6 @@
-"""Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database. All exemplars
-are kept and the font is rebuilt from them each time: the order in which parts are enrolled does not matter, and a part
-that is enrolled twice counts once."""
+"""Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database. The font is
+rebuilt from all exemplars each time: neither the order of parts nor a part that is enrolled twice makes a
+difference."""
 
 from __future__ import annotations
 
@@ -87,10 +87,10 @@ def enrol(
 ) -> EnrolReport:
     """Add the characters of reviewed parts to a database, and make a font of them.
 
-    A missing database is made, with the fonts that the settings name, or the built-in ones. The file is replaced whole
-    at the end, or left alone if nothing changed. `each` calls a function with every part and gives the results in
-    order, as `map` does. Raises FileError: the database cannot be read or written, or `font` is a font that was not
-    learned. ExemplarError: no font can be made from the exemplars. FontError: a font of the settings cannot be loaded.
+    A missing database is made, with the fonts that the settings name, or the built-in ones. `each` calls a function
+    with every part and gives the results in order, as `map` does. Raises FileError: the database cannot be read or
+    written, or `font` was not learned. ExemplarError: no font can be made from the exemplars. FontError: a font cannot
+    be loaded.
     """
     held = _open_database(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):

@@ -48,9 +48,8 @@ def check_held_out(
     fewest_parts: int = 6,
     most_parts: int = 20,
 ) -> HeldOutCheck | None:
-    """Read reviewed parts with a font learned from other parts of the same die, and without it; None for too few parts.
-    The database holds the learned font. Of fewer parts than `fewest_parts` half would teach too little; more than
-    `most_parts` would only take longer."""
+    """Read reviewed parts with a font learned from other parts of the same die, and without it; None for fewer parts
+    than `fewest_parts`, of which half would teach too little."""
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:
         return None

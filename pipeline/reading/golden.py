@@ -14,16 +14,15 @@ from pipeline.reading.sender_names import sender_names
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
     """Call `measure_golden` for a file that was sent; errors name it as its sender does. Raises FileError: the scan
-    cannot be used. OwnFileError: the relief, or another file of this machine, cannot be used. FaultError: a fault of
-    this program."""
+    cannot be used. OwnFileError: the relief, or another own file, cannot. FaultError: a fault of this program."""
     with sender_names(scan.parent, {str(scan): called}):
         return measure_golden(scan, relief.absolute())
 
 
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
-    """Measure the state of the whiskers from a recording (.h5) of a part of known relief. The relief, a height map or
-    the TOML of a test piece, has its corner at the origin of the scan's frame. Raises FileError: either cannot be used,
-    or the scan does not fit the relief."""
+    """Measure the state of the whiskers from a recording (.h5) of a part of known relief, a height map or the TOML of a
+    test piece, whose corner is the origin of the scan's frame. Raises FileError: either cannot be used, or they do not
+    fit."""
     # imported here: the service itself does not measure, its workers do
     from pipeline.formats.whisker_file import heights_of_piece
     from whisker_array.identification.bench import WORN_TIP, Unknown

@@ -50,8 +50,7 @@ _WIDE = 1.96  # half width of the 95 % interval, standard deviations
 def identify_recording(
     recording: Path, piece: Path, whisker: Path | None
 ) -> tuple[Identified, WhiskerFile | None]:
-    """Identify the bench of a recording over a piece; return it and the whisker as drawn. Raises FileError: a file
-    cannot be used, or the recording determines nothing."""
+    """Identify the bench of a recording over a piece; return it and the whisker as drawn. Raises FileError."""
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
         raise FileError(whisker, "is not an L-shaped whisker", "give the drawing of an L-shaped one")
@@ -106,9 +105,8 @@ def confounded(
     """Find groups of numbers that are known only in combination; the gains count as one.
 
     In units of the prior standard deviations, the covariance has large eigenvalues along directions that the recording
-    does not determine. If several numbers share such a direction, only their combination is known. A combination counts
-    as open above `open_share` of the prior standard deviation; `least_part` is the least component of a unit direction
-    for a number to count as part of it.
+    does not determine. A combination counts as open above `open_share` of the prior standard deviation, and a number as
+    part of it from the component `least_part` of the unit direction.
     """
     scaled = fit.covariance / np.outer(fit.before, fit.before)
     felt = [*range(len(Unknown)), *(len(Unknown) + whisker for whisker in fit.whiskers)]
@@ -137,8 +135,7 @@ def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
 
 
 def write_found(path: Path, fit: Identified, drawn: WhiskerFile) -> None:
-    """Write the identified whisker, with the drawing's raster and character height. Raises FileError: it cannot be
-    written."""
+    """Write the identified whisker, with the drawing's raster and character height. Raises FileError."""
     whisker = fit.bench.whisker(drawn.whisker)
     touch = fit.bench.touch(drawn.whisker)
     write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(fit)))

@@ -8,12 +8,8 @@
 | `read_listed`| batch, certification, cluster                    | a record with the error               |
 | `read_sent`  | service; `read_on_stage` feels the part, too     | FileError with the sender's file name |
 
-A job and its result can be pickled. The seconds of a record are those from the opening of the part's files to the
-decision: with the download of URLs, without the making of the reader and without the time on a stage.
-
-A problem with a file that was sent raises a `FileError` that names the file as its sender did. A problem with this
-machine (a glyph database, a lexicon, a full disk, too little memory) raises an `OwnFileError`: the sender cannot fix
-it, and the same job may be read later. Neither message contains a path of the server.
+A problem with this machine (a glyph database, a full disk, too little memory) raises an `OwnFileError`: the sender
+cannot fix it, and the same job may be read later. No message contains a path of the server.
 """
 
 from __future__ import annotations
@@ -93,9 +89,8 @@ class PartJob:
         return {file: self.names.get(file) or Path(file).name for file in self.files.files}
 
     def open_reader(self) -> Reader:
-        """The reader of this job, cached by settings and content of the files that they name. Raises FileError: a
-        lexicon, certificate or database cannot be used. MarksError: settings contradict each other, or a font cannot be
-        used."""
+        """The reader of this job, cached by settings and content of the files that they name. Raises FileError: a file
+        cannot be used. MarksError: settings contradict each other, or a font cannot be used."""
         from pipeline.reading.readers import reader_of
 
         settings = settings_of(with_local_files(self.settings, self.sent), self.files)
@@ -103,14 +98,13 @@ class PartJob:
 
 
 def reading_of(job: PartJob) -> Reading:
-    """Read a part from its files. Raises FileError: a file of the part or of its settings cannot be used.
-    MarksError: settings contradict each other, or a font or the expected text cannot be used."""
+    """Read a part from its files. Raises FileError: a file cannot be used. MarksError: settings contradict each other,
+    or a font or the expected text cannot be used."""
     return _read(job, job.open_reader())[0]
 
 
 def read_part(job: PartJob, reader: Reader) -> ReadPart:
-    """Read a part with its reader, and make all that the job wants. Raises FileError, VerifyError: a file or the
-    expected text."""
+    """Read a part with its reader, and make all that the job wants. Raises FileError, VerifyError."""
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.scan_plan import plan_of
@@ -205,8 +199,7 @@ def _reader_of_listed(job: PartJob) -> Reader:
 
 
 def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
-    """Contents of the files named in the settings, by name, for machines that may not have them. Raises FileError: see
-    `require_file`."""
+    """Contents of the files named in the settings, by name, for machines that may not have them. Raises FileError."""
     named = files_of(settings)
     for path in named:
         require_file(path, most_bytes=_MOST_BYTES_SENT)
@@ -268,8 +261,8 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
     """Scan a part pass by pass until its serial is sure, save the recording, and read the part with it.
 
     If the stage fails on the way, the part is read from the passes before, and goes to review. The recording is
-    `RECORDING` in the job's folder; `settings.budget_s` limits the stage time. Raises StageError: not even one pass
-    could be scanned. FileError: as in `read_sent`.
+    `RECORDING` in the job's folder. Raises StageError: not even one pass could be scanned. FileError: as in
+    `read_sent`.
     """
     from recognition.active.felt_log import read_and_log
     from whisker_array.scan.recording import save_scan
@@ -290,8 +283,8 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
 
 
 def check_settings(settings: ReadSettings) -> None:
-    """Open the reader of these settings, to find errors before the next part. Raises OwnFileError: a file that they
-    name cannot be used."""
+    """Open the reader of these settings, to find errors before the next part. Raises OwnFileError: a file cannot be
+    used."""
     _own_reader(PartJob(settings=settings))
 
 

@@ -1,5 +1,5 @@
-"""Pictures for the operator's page, drawn without matplotlib because a part waits for them. Each has its position,
-`x0_mm` and `y0_mm` of the middle of its first pixel, and `mm_per_pixel`, so that boxes in mm can be drawn over it."""
+"""Pictures for the operator's page, drawn without matplotlib because a part waits for them, with their place: `x0_mm`,
+`y0_mm` of the middle of the first pixel, and `mm_per_pixel`."""
 
 from __future__ import annotations
 

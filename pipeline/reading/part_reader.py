@@ -1,16 +1,14 @@
 """The part reader: from files to a reading, for command line, service, cluster and `pipeline.read`.
 
-    files --load, within limits--> HeightMap, Scan, Photo --Reader--> Reading --verify--> Reading with a verdict
-
 mode       height map or scan   photograph only   both
 tactile    touch                -                 touch
 vision     -                    vision            vision
 fused      -                    -                 touch and vision, fused
 auto       touch                vision            touch and vision, fused
 
-Frames. A photograph alone is read in its own frame: x, y in mm from its first pixel, if its scale is known. A plan for
-touch is made in that frame, and so is a recording of that plan. A height map has a frame of its own; the middle of the
-picture is then assumed to lie over the middle of the map.
+A photograph alone is read in its own frame: x, y in mm from its first pixel, if its scale is known. A plan for touch is
+made in that frame, and so is a recording of that plan. A height map has a frame of its own; the middle of the picture
+is then assumed to lie over the middle of the map.
 """
 
 from __future__ import annotations
@@ -81,8 +79,8 @@ class PartReader:
         felt: ActiveReading | None = None,  # reading of its scan, if it was read during active touch
         notes: tuple[str, ...] = (),
     ) -> Reading:
-        """Load a part, read it, and verify its expected text, if any. Raises FileError: a file cannot be used.
-        VerifyError: the expected text cannot be verified."""
+        """Load a part, read it, and verify its expected text, if any. Raises FileError. VerifyError: it cannot be
+        verified."""
         evidence = self._evidence(part, expected, again, felt)
         return self.reader.decide(replace(evidence, expected=expected, notes=(*evidence.notes, *notes)))
 

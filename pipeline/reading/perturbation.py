@@ -6,8 +6,7 @@
     scale  the part 1 % larger or smaller: a scale error of stage or lens
     order  directions and passes stored the other way round
 
-Each affects touch, the camera or both. The signs and the noise are drawn from a seed, so that a part is perturbed in
-the same way by every process.
+The signs and the noise are drawn from a seed, so that every process perturbs a part in the same way.
 """
 
 from __future__ import annotations

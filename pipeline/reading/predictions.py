@@ -31,8 +31,7 @@ class Prediction:
 def predictions(
     whisker: LShaped, touch: Touch, known: Knowledge, *, more: Mapping[str, Quantity] | None = None
 ) -> tuple[Prediction, ...]:
-    """Figures of an identified whisker and touch: land, edges, the steepest wall, and `more` by name (NaN if it has
-    none)."""
+    """Figures of an identified whisker: land, edges, the steepest wall, and `more` by name (NaN if it has none)."""
     bench = nominal_bench(whisker, touch, n_whiskers=1)
 
     def of(quantity: Quantity, name: Unknown | None = None, off: float = 0.0) -> float:

@@ -1,6 +1,5 @@
-"""Make readers from settings, and check jobs before they are used, in a worker. A worker caches readers, because making
-templates takes longer than reading a part. Formats, fonts and glyph databases from outside may take any amount of work;
-a worker's is limited."""
+"""Make readers from settings, and check jobs before they are used, in a worker, whose work is limited. A worker caches
+readers, because making templates takes longer than reading a part."""
 
 from __future__ import annotations
 
@@ -30,8 +29,8 @@ MOST_KEPT = 8  # readers; the least recently used is evicted
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
     """The reader for these settings and the present content of the files that they name. `after_photo`: scans cover
-    only the line that the camera saw, so that regions do not apply. Raises FileError: the lexicon cannot be used.
-    ValueError: the database or a font cannot be used."""
+    only the line that the camera saw, so that regions do not apply. Raises FileError, ValueError: as in
+    `open_reader`."""
     # a file that is not there is reported when the reader is opened
     return _cached_reader(settings, tuple(map(stamp_if_there, files_of(settings))), after_photo)
 
@@ -45,12 +44,9 @@ def _cached_reader(settings: ReadSettings, _: tuple[FileStamp | None, ...], afte
 def open_reader(settings: ReadSettings) -> Reader:
     """Open the reader of these settings.
 
-    With a glyph database its fonts are used, or those of them that `font` names. Other names in `font` are built-in
-    fonts or font files.
-
-    Raises FileError: the lexicon or certificate cannot be used. MarksError: no sense in use keeps the accepted risk.
-    SettingsError: settings contradict each other. ValueError: a font cannot be used or lacks characters of the format,
-    or the database cannot be used.
+    With a glyph database its fonts are used, or those of them that `font` names. Raises FileError: the lexicon or
+    certificate cannot be used. MarksError: no sense in use keeps the accepted risk. SettingsError: settings contradict
+    each other. ValueError: a font or the database cannot be used, or a font lacks characters of the format.
     """
     from pipeline.reading.certificate import acceptance_of
     from recognition.decide.depth_rules import depth_rule
@@ -84,8 +80,7 @@ def virtual_array(settings: ReadSettings) -> VirtualArray:
 
 
 def with_whisker_file(array: VirtualArray, path: Path) -> VirtualArray:
-    """The array with the whisker of a file and its speed, unless one is given. Raises FileError: the file cannot be
-    used."""
+    """The array with the whisker of a file and its speed, unless one is given. Raises FileError."""
     from pipeline.formats.whisker_file import read_whisker_file
 
     built = read_whisker_file(path)
@@ -93,8 +88,8 @@ def with_whisker_file(array: VirtualArray, path: Path) -> VirtualArray:
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
-    """Find the character height by reading the part. Raises MarksError: no characters were found. Dirt makes bands of
-    its own, and only a reading finds the band that is the line."""
+    """Find the character height by reading the part: dirt makes bands of its own. Raises MarksError: no characters
+    found."""
     from recognition.reader import Reader
 
     reading = Reader().read(height_map, soil=soil)
@@ -125,8 +120,8 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
 
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
-    """Read a job with these keys (its file need not exist), and check that everything named in it can be used.
-    Raises OwnFileError: a file that it names cannot be used. FileError: its settings cannot be used."""
+    """Read a job with these keys (its file need not exist), and check that everything named in it can be used. Raises
+    OwnFileError: a file cannot be used. FileError: its settings cannot be used."""
     job = job_of(path, written, digest)
     try:
         open_reader(job.settings)

@@ -1,8 +1,8 @@
 """Plan a touch scan from the camera's reading, and turn the plan into a raster.
 
 The region, the line and land around it, is in the photograph's frame, and comes with the photograph's middle
-(`ScanPlanRecord.middle_mm`): the stage knows the point under the camera's axis. Without a scale the position of the
-line is unknown, and the plan covers the stage's whole field, in the stage's frame.
+(`ScanPlanRecord.middle_mm`), the point under the camera's axis. Without a scale the plan covers the stage's whole
+field.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
 """Land scanned around the line, in character heights: dirt may have hidden a character at an end."""
 TRUSTED_SHARE = 0.8
-"""Least mean confidence of the characters for which the camera's line position is trusted. Below it the whole picture
-is scanned: a good scan of half a line would be worse than a longer scan."""
+"""Least mean confidence of the characters for which the camera's line position is trusted; below it all is scanned."""
 USUAL_HEIGHT_MM = 5.0  # of a character, if neither camera nor settings give its height
 STAGE_FIELD_MM = (60.0, 25.0)
 
@@ -38,9 +37,8 @@ def plan_of(
     field_mm: tuple[float, float] = STAGE_FIELD_MM,
     reason: str = "",
 ) -> ScanPlanRecord:
-    """Plan the scan that resolves the doubts of the camera. If the photograph's pitch is known, the region lies around
-    the line, or is the whole picture if no line was found with certainty; else it is the stage's field, of width and
-    height `field_mm`."""
+    """Plan the scan that resolves the doubts of the camera: around the line, over the whole picture if no line was
+    found with certainty, or over the stage's field (width and height `field_mm`) if the photograph has no pitch."""
     from recognition.see.photo_frame import photo_middle_mm
     from whisker_array.whisker.array import default_plan
     from whisker_array.whisker.touch import default_touch
@@ -69,8 +67,8 @@ def plan_of(
 def seen_region(
     vision: Reading, photo: Photo, *, height_mm: float | None
 ) -> tuple[float, float, float, float] | None:
-    """(x0, y0, x1, y1) around the line that the camera found, in the photograph's frame, mm. None if the line's
-    position is not trusted, or the picture has no scale."""
+    """(x0, y0, x1, y1) around the line that the camera found, in the photograph's frame, mm; None if it is not
+    trusted."""
     if photo.pitch_mm is None or vision.trace.line is None or _mean_confidence(vision) < TRUSTED_SHARE:
         return None
     return _around(vision, photo, height_mm)[0]
@@ -112,8 +110,8 @@ def _mean_confidence(vision: Reading) -> float:
 
 
 class FramedSession:
-    """A `StageSession` with its own frame for orders and samples. (x_mm, y_mm) is a place in the stage's frame minus
-    the same in this one; (x0, y0, x1, y1) `field_mm` may be scanned, in this frame."""
+    """A `StageSession` with its own frame for orders and samples: (x_mm, y_mm) is a place in the stage's frame minus
+    the same in this one. (x0, y0, x1, y1) `field_mm` may be scanned, in this frame."""
 
     def __init__(
         self,

@@ -4,8 +4,7 @@ camera sure -----------------------------> accepted
 camera unsure --> touch needed --> sure --> accepted
                                \\-> unsure, nothing read, or another text than expected --> review
 
-In shadow mode a part is finished as soon as it is read: it is compared with the result of the line's own reader, and
-nothing is decided.
+In shadow mode a part is finished as soon as it is read: nothing is decided.
 """
 
 from __future__ import annotations
@@ -48,8 +47,7 @@ class ReadPart:
 
 def state_after(reading: ReadingRecord) -> PartState:
     """State of a part after a reading, whose own decision applies the thresholds. If a text is expected, only a part
-    with that text is accepted. Files that could not be read are for a person: there is no photograph to plan touch
-    by."""
+    with that text is accepted. Files that could not be read are for a person."""
     if reading.decision == "accept" and reading.verdict in ("", "confirmed"):
         return PartState.ACCEPTED
     by_camera = reading.source == "vision" and not reading.error

@@ -1,6 +1,5 @@
-"""Warm up a worker, so that its first part takes no longer than the next one. The part is a clean one in the settings'
-format, so both senses are soon sure of it. Work that only unsure parts need, a font's prototypes for the camera and
-rough templates of every font, is done with the first of them."""
+"""Warm up a worker by a clean part in the settings' format, so that its first part takes no longer than the next
+one."""
 
 from __future__ import annotations
 

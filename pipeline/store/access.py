@@ -1,5 +1,5 @@
-"""Tokens of callers, and sessions of signed-in browsers; the store keeps only hashes of their secrets. A session
-belongs to one token, not to its name; it ends with the token, by signing out, or after a shift."""
+"""Tokens of callers, and sessions of signed-in browsers; the store keeps only hashes of their secrets. A session ends
+with its token, by signing out, or after a shift."""
 
 from __future__ import annotations
 

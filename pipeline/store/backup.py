@@ -59,8 +59,7 @@ class Backup:
 
 
 def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
-    """Copy a store and its files into a new folder; the service may run. Raises FileError: it is there, or cannot be
-    written."""
+    """Copy a store and its files into a new folder; the service may run. Raises FileError."""
     if to.exists():
         raise FileError(to, "is there already", "name a new folder for every backup")
     partial = to.with_name(to.name + ".partial")
@@ -89,8 +88,7 @@ def back_up(store: Store, files: EvidenceFolder, to: Path) -> Backup:
 
 def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
     """Restore a backup into an empty store, in any database, and its files into a folder. Raises FileError: it is no
-    backup, or damaged; a file cannot be written. ConflictError: the store is not empty. StoreError: the store does not
-    answer, or the backup's version is not known."""
+    backup, or damaged. ConflictError: the store is not empty. StoreError: no answer, or an unknown version."""
     with unpacked(backup) as (manifest, copied):
         with store.read_transaction() as tx:
             _refuse_unless_empty(tx, store)

@@ -1,5 +1,5 @@
-"""Check a store and its files for damaged, missing, changed or stuck items. It changes nothing, and the service may run
-meanwhile: parts are read in pages, each as it was at one moment."""
+"""Check a store and its files for damaged, missing, changed or stuck items, while the service may run. It changes
+nothing."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""The store's database: opening, upgrade and transactions. SQLite: one writer at a time, taken at the beginning of a
-transaction, so that none fails half way; every commit is on the disk before it returns (WAL, synchronous FULL).
-PostgreSQL: rows are locked when they are read for a change."""
+"""The store's database: opening, upgrade and transactions. SQLite has one writer at a time, taken at the beginning of a
+transaction, and every commit is on the disk before it returns. PostgreSQL locks the rows that are read for a change."""
 
 from __future__ import annotations
 
@@ -98,8 +97,7 @@ def _utc_now() -> datetime:
 class Database:
     """A database that has the tables of this version; threads may share it.
 
-    * All that a read transaction sees is of one moment. A write transaction is on the disk when its block has
-      ended, and undone where the block raises.
+    * All that a read transaction sees is of one moment. A write transaction is undone where its block raises.
     * SQLite: one writer at a time; threads queue here, processes at the file's own lock.
     * While PostgreSQL does not answer, one transaction at a time waits for it, and the others are refused.
     """
@@ -114,9 +112,9 @@ class Database:
 
     @classmethod
     def open(cls, url: str, *, now: Callable[[], datetime] = _utc_now, as_it_is: bool = False) -> Self:
-        """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date,
-        or with `as_it_is` change nothing. Raises StoreError: it cannot be opened, or its version is not known; with
-        `as_it_is` also one that is not there, or of an older version."""
+        """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date, or
+        with `as_it_is` change nothing. Raises StoreError: it cannot be opened, or its version is not known (or older,
+        `as_it_is`)."""
         parsed = _checked_url(url)
         shown = parsed.render_as_string(hide_password=True)
         with _store_errors(shown), contextlib.ExitStack() as held:
@@ -182,8 +180,8 @@ class Database:
                 raise
 
     def check_writable(self) -> None:
-        """Check that parts can be written: by the database's state, and after a failed write by a write. Raises
-        UnwritableError: it is read-only, or another program has locked the parts. StoreError: another reason."""
+        """Check that parts can be written, after a failed write by a write. Raises UnwritableError: it is read-only, or
+        another program has locked the parts. StoreError: another reason."""
         failed = self.write_failed
         with self._write_transaction() as tx:  # of SQLite this tells whether the file can be written
             if tx.postgresql:

@@ -96,8 +96,8 @@ class EvidenceFolder:
             )
 
     def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
-        """Move a file of `incoming` into the folder, where it survives a power cut. Raises FileError: it cannot.
-        Returns its SHA-256 in hexadecimal (computed if not given), and its length in bytes."""
+        """Move a file of `incoming` into the folder, where it survives a power cut. Returns its SHA-256 in hexadecimal
+        (computed if not given), and its length in bytes. Raises FileError."""
         with file_errors(path):
             with open_no_link(path) as stream:
                 handle = stream.fileno()
@@ -196,8 +196,8 @@ class EvidenceFolder:
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
-        """Remove files that no part needs, and everything in `incoming`, which a crash has left; return their number.
-        Files younger than `older_than_s` stay: they may still be written."""
+        """Remove files that no part needs, and those of `incoming`, and return their number. Files younger than
+        `older_than_s` stay: they may still be written."""
         latest_s = time.time() - older_than_s
         n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
         for names in self.hashes(before_s=latest_s):
@@ -258,7 +258,7 @@ def file_errors(path: Path) -> Iterator[None]:
 @dataclass
 class SweepClock:
     """Check before every sweep that the clock has not jumped ahead, which would make files look old. `file` has the
-    time of the last sweep as its own; `trouble` says why nothing is swept, without paths."""
+    time of the last sweep as its own; `trouble` says why nothing is swept."""
 
     file: Path
     wall_s: Callable[[], float] = time.time

@@ -1,6 +1,5 @@
 """Results waiting to be published: written with the part, leased by one dispatcher, removed when the receiver has them.
-No delivery waits because a clock was set back: one that was never tried is always due, and none is postponed for longer
-than `LONGEST_WAIT_S`."""
+None waits because a clock was set back."""
 
 from __future__ import annotations
 
@@ -36,9 +35,9 @@ def put_in_outbox(
 def lease(
     tx: Transaction, owner: str, target: str, *, lease_s: float, limit: int = 100
 ) -> tuple[Delivery, ...]:
-    """Lease the deliveries to send now, untried ones first; for `lease_s` only the owner, one dispatcher, sends them.
-    Only the oldest of each part and target is given, so that order is kept, also among services that share the store.
-    An owner gets its own leased deliveries again, and those of others once their lease is over."""
+    """Lease the deliveries to send now, untried ones first; for `lease_s` only the owner sends them. Only the oldest of
+    each part and target is given, so that order is kept, also among services. An owner gets its own leased deliveries
+    again."""
     # services on different machines share the database's clock; theirs may differ by more than a lease
     now = tx.execute(sa.select(sa.func.now())).scalar_one() if tx.postgresql else tx.now
     until, due, elder = outbox.c.leased_until, outbox.c.due_at, outbox.alias()

@@ -2,14 +2,13 @@
 
 Idempotency keys: a request that is sent again, or a run that is given again, is carried out once.
 
-* A key is written in the transaction that writes the part it made: both are there, or neither. Of requests with one key
-  that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
-* A key stands for one request: a fingerprint of the request is kept with it, and the caller compares.
-* Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of files
-  are kept as long as `renew_keys` finds the files, and a while longer; keys of runs are kept for ever.
+* A key is written in the transaction that writes the part it made. Of requests with one key that race, the database
+  lets one through; the others wait for it and raise AlreadyDoneError.
+* A fingerprint of the request is kept with its key, and the caller compares.
+* Keys of requests are kept until `forget_keys`, keys of files as long as `renew_keys` finds the files, and a while
+  longer, and keys of runs for ever.
 
-Serials are checked in the transaction that writes the part. SQLite has one writer at a time; on PostgreSQL the check
-takes a lock of its own until its transaction ends, so that of two services one is first with a serial.
+Serials are checked in the same transaction; on PostgreSQL the check takes a lock of its own until it ends.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 statement --sent--> answered                     as without a limit
                     silent for SILENT_S          the connection is closed: OperationalError
 
-A server that recovers finds the connection closed and rolls its transaction back. Only a commit that had been sent may
-still be carried out: as with any lost connection the caller does not know, and asks again with its idempotency key.
+A commit that had been sent may still be carried out: the caller asks again with its idempotency key.
 """
 
 from __future__ import annotations

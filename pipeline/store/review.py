@@ -118,9 +118,8 @@ def review(
 ) -> PartRecord:
     """Store a person's review of a part; a later review does not delete earlier ones.
 
-    With two readers a part is reviewed when two people agree; until then it waits for review, its text as it was read.
-    Raises ConflictError: the text has changed since the person saw it, or the part does not wait for an audit.
-    ClaimedError: another person has claimed the part.
+    With two readers a part is reviewed when two people agree; until then it waits for review. Raises ConflictError: the
+    text has changed since the person saw it, or no audit is due. ClaimedError: another person has claimed the part.
     """
     part = part_by_id(tx, part_id, lock=True)
     if audit and not _awaits_audit(tx, part_id):
@@ -154,8 +153,8 @@ def review(
 
 
 def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
-    """Undo a person's own review, which stays in the history: the part waits for review with its earlier text.
-    Raises ConflictError: the part is not reviewed, or was reviewed by another person."""
+    """Undo a person's own review, which stays in the history: the part waits for review with its earlier text. Raises
+    ConflictError: the part is not reviewed, or was reviewed by another person."""
     part = part_by_id(tx, part_id, lock=True)
     answer = part.review
     if part.state is not PartState.REVIEWED or answer is None:

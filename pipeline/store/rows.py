@@ -91,8 +91,7 @@ def write_part(
     figures: Mapping[str, Any] = MappingProxyType({}),
 ) -> PartRecord:
     """Write a part and its events, and queue it for its targets (not in shadow mode); return it as it is stored. The
-    transaction has the part locked unless it is new; `figures` are columns that do not follow from its record. Raises
-    ConflictError: it is not new."""
+    transaction has the part locked unless it is new (ConflictError: it is not); `figures` are further columns."""
     content = to_json(replace(part, changed_at=tx.now))
     record = json_text(content)
     part = from_json(PartRecord, record)
@@ -182,8 +181,7 @@ def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple
 
 
 def claim_evidence_folder(tx: Transaction, identity: str) -> str:
-    """Identity of the evidence folder of all services that share a store; the first claim sets it. PostgreSQL keeps it
-    as the comment of the table. A store in SQLite is a file of one machine, and has none."""
+    """Identity of the evidence folder of all services that share a store in PostgreSQL; the first claim sets it."""
     if not tx.postgresql:
         return identity
     tx.execute(sa.text("LOCK TABLE evidence IN SHARE UPDATE EXCLUSIVE MODE"))

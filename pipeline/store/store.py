@@ -1,6 +1,5 @@
 """The store: all data of the service, in SQLite or PostgreSQL. An operation is a function that takes a transaction, in
-the module of its tables. Here each becomes a method of `Store` with the same other arguments. Threads and processes may
-share a store."""
+the module of its tables; here each becomes a method of `Store`."""
 
 from __future__ import annotations
 
@@ -41,11 +40,11 @@ def _method(
 
 
 class Store(Database):
-    """Parts and all that belongs to them; events of a part are added, never changed.
+    """Parts and all that belongs to them; events of a part are added, never changed. Threads and processes may share
+    it.
 
-    Every method is one transaction: when a writing one returns, its changes are on the disk; if it raises, nothing has
-    changed. Raises StoreError: the database does not answer. UnfitError (a StoreError): a value cannot be stored.
-    NotFoundError: no such part or token.
+    Every method is one transaction, on the disk when it returns. Raises StoreError: the database does not answer.
+    UnfitError (a StoreError): a value cannot be stored. NotFoundError: no such part or token.
     """
 
     # parts, and what has happened to them

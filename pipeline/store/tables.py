@@ -1,5 +1,4 @@
-"""The tables of the store. A part's row holds its record as JSON, as it is answered and published, and columns to
-search."""
+"""The tables of the store. A part's row holds its record as JSON, and columns to search."""
 
 from __future__ import annotations
 
