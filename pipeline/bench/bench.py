@@ -42,8 +42,7 @@ class Bench:
 
     def __init__(self, settings: BenchSettings) -> None:
         """Open both ports; nothing moves. Raises MissingExtraError: a library is not installed. StageError: a port
-        cannot be opened, the device on it does not answer, or the converter has another number of channels than the
-        comb has whiskers."""
+        cannot be opened, or its device does not answer or has another number of channels than the comb has whiskers."""
         self.settings = settings
         self._in_pass = False
         whiskers = settings.comb.n_whiskers
@@ -76,8 +75,8 @@ class Bench:
         return BenchSession(self, self.settings.fitting(part_id))
 
     def run(self, moves: Moves) -> Record:
-        """Run one pass; the tips end lifted. Raises StageError: it failed; the stage is stopped and, as far as
-        possible, lifted."""
+        """Run one pass; the tips end lifted. Raises StageError: it failed, and the stage is stopped and, if possible,
+        lifted."""
         self.stage.travel(moves)
         self.daq.start()
         self._in_pass = True
@@ -162,8 +161,8 @@ def raster_passes(
     each_whisker: bool = False,
 ) -> tuple[Pass, ...]:
     """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb. With `each_whisker` every
-    whisker crosses the whole region, there and back, on the lines of a test piece; the lines of a pass are in the order
-    of the whiskers, however the comb is turned, so that each keeps its column."""
+    whisker crosses the whole region, there and back, on the lines of a test piece; lines are then in the order of the
+    whiskers."""
     usual = default_plan(
         region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions), speed_mm_s=fitting.speed_mm_s,
         two_way=each_whisker,

@@ -1,5 +1,5 @@
-"""A National Instruments card as converter, through the library nidaqmx and the NI-DAQmx driver. The stage's spare
-output is wired to an analogue input beside the whiskers', so one task samples all with one clock."""
+"""A National Instruments card as converter, through nidaqmx and the NI-DAQmx driver. The stage's spare output is wired
+to an analogue input beside the whiskers', so one task samples all with one clock."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class NiDaq:
     """The card."""
 
     def __init__(self, settings: DaqSettings) -> None:
-        """Make the task. Raises MissingExtraError: nidaqmx is not installed. StageError: the driver or the card is
-        missing, or refuses."""
+        """Make the task. Raises MissingExtraError: nidaqmx is not installed. StageError: driver or card is missing, or
+        refuses."""
         try:
             import nidaqmx
             from nidaqmx.constants import AcquisitionType

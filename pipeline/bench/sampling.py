@@ -54,8 +54,8 @@ def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[
 def samples(
     record: Record, order: Pass, moves: Moves
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """(lines, samples) volts in the air, volts on the part, and mask of clipped ones, in the order of the pass's
-    lines. Raises StageError: the pass cannot be found by the stage's output."""
+    """(lines, samples) volts in the air, volts on the part, and mask of clipped ones, in the order of the pass's lines.
+    Raises StageError: the pass cannot be found by the stage's output."""
     stretches, wanted = record.stretches(), 2 if moves.air_s > 0.0 else 1
     if len(stretches) != wanted:
         raise StageError(

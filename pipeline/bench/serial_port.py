@@ -18,8 +18,8 @@ class SerialPort:
     """An open port."""
 
     def __init__(self, name: str, *, baud: int, what: str) -> None:
-        """Open the port, or socket://HOST:PORT, for exclusive use. Raises MissingExtraError: pyserial is not
-        installed. StageError: it cannot be opened."""
+        """Open the port, or socket://HOST:PORT, exclusively. Raises MissingExtraError: pyserial is missing.
+        StageError."""
         try:
             import serial
         except ModuleNotFoundError as error:

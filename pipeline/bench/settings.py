@@ -123,7 +123,7 @@ class BenchSettings(Strict):
 
     def fitting(self, part_id: str = "") -> Fitting:
         """The mounted comb, its speed, and its field in the plate's frame; the session supplies the gains. Raises
-        FileError: the whisker's file cannot be used."""
+        FileError."""
         height, path = self.comb.character_height_mm, self.comb.whisker
         built = None if path is None else read_whisker_file(path)
         return Fitting(

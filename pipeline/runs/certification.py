@@ -1,5 +1,5 @@
 """Certify a reader: read labelled parts as `read` does, and find the confidence from which readings may be accepted.
-Readings are kept beside the certificate until it is written: the same command continues where it stopped."""
+The same command continues where it stopped."""
 
 from __future__ import annotations
 
@@ -71,11 +71,10 @@ def certify(
 ) -> Certification:
     """Read labelled parts, and find the confidence from which readings may be accepted at a risk.
 
-    `risk` is the largest share of wrong readings among the accepted, `confidence` the level of the test, both between 0
-    and 1. The journal of the parts already read is kept beside `out`, the certificate file.
-
-    Raises FileError: a table is unusable or names no part of the inputs; or there is another, unfinished certification.
-    MarksError: the settings cannot be certified, or no sense keeps their risk.
+    `risk` is the largest share of wrong readings among the accepted, `confidence` the level of the test, both from 0 to
+    1. The journal lies beside `out`, the certificate file. Raises FileError: a table is unusable or names no part, or
+    there is another, unfinished certification. MarksError: the settings cannot be certified, or no sense keeps their
+    risk.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")

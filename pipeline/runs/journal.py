@@ -1,5 +1,4 @@
-"""The journal of a run: the result of each part that is done, in an SQLite file beside the output. Whatever ends the
-run, the same command continues where it stopped."""
+"""The journal of a run: the result of each finished part, in an SQLite file. The same command continues the run."""
 
 from __future__ import annotations
 
@@ -44,7 +43,7 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 class Journal(Generic[Stored]):
     """Stored results of the parts of one run; each survives any end of the process, and one process has it at a time.
-    Methods that write raise FileError if the disk refuses."""
+    Methods that write raise FileError."""
 
     kind: ClassVar[str]  # of run, in one word
     version: ClassVar[int] = 1
@@ -56,9 +55,9 @@ class Journal(Generic[Stored]):
     def __init__(
         self, place: Path, description: Mapping[str, Any] | None, *, output: Path | None = None
     ) -> None:
-        """Resume the journal, a file or in the folder of the run, or begin a new one. Raises FileError: the journal is
-        of another run, another process has it, or it cannot be used. The description is of plain JSON values; None to
-        read any run and change nothing. Errors name the `output` (default: the journal)."""
+        """Resume the journal, a file or in the folder of the run, or begin a new one; without a description, read any.
+        Raises FileError, which names the `output` (default: the journal): it is of another run, in use, or cannot be
+        used."""
         self.path = place / self.file if self.file else place
         self._output = output or self.path
         # a dataclass takes no configuration, a union with it does
@@ -142,8 +141,8 @@ class Journal(Generic[Stored]):
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
-        """Stream columns (name, kept, facts) of the first result of every part and then of its second one, or None.
-        Names in `order` come first; those without a stored result are skipped."""
+        """Stream columns (name, kept, facts) of the first result of every part and then of its second one, or None,
+        those of `order` first."""
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
             self._db.execute("delete from temp.asked")
@@ -261,9 +260,7 @@ def resumable(
     again: bool = False,
 ) -> Iterator[tuple[T, Stored]]:
     """Process the parts that the journal lacks, store each result, and yield it; those that arrive together, together.
-
-    Of (part, result) `form` makes what is stored (default: the result itself); None: the part is not done.
-    """
+    Of (part, result) `form` makes what is stored (default: the result itself); None: the part is not done."""
     named, done = attrgetter(name), journal.again if again else journal.names
     tasks: dict[str, T] = {}
     results: dict[str, Stored] = {}
@@ -281,7 +278,7 @@ def resumable(
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
     """Rename a file of an earlier run to NAME~ and return that name; one with only a header is deleted. Raises
-    OSError: the disk refuses."""
+    OSError."""
     if not path.exists() or path.stat().st_size <= len(head):
         path.unlink(missing_ok=True)
         return None

@@ -1,6 +1,5 @@
-"""Rules for the readings of a lot, whose parts are read in any order, and some of them twice. Parts read with certainty
-give the shapes for reading the others again. They are chosen by their content, so the order of the parts makes no
-difference. Serials that several parts have are found once, in the final records of all parts."""
+"""Rules for the readings of a lot, whose parts are read in any order, and some of them twice. Parts read with
+certainty, chosen by their content, give the shapes for reading the others again."""
 
 from __future__ import annotations
 
@@ -19,8 +18,8 @@ FEWEST_PARTS = 12
 MOST_TEACHERS = 40  # enrolled parts
 EXEMPLARS_EACH = 6  # of a character, after which no further part is enrolled for it
 LEAST_AGREEMENT = 0.7
-"""Least share of exemplars that agree with others of their character. Of one die, nine in ten or more agree; exemplars
-of two dies do not agree with each other."""
+"""Least share of exemplars that agree with others of their character. Of one die nine in ten or more do; of two,
+none."""
 _MOST_CONSIDERED = 2000
 
 

@@ -59,8 +59,8 @@ class Row(NamedTuple):
 
 
 class RunJournal(Journal[ReadPart]):
-    """The results of one run, and the table that grows with them, for one thread at a time. Without a table (`written`)
-    only the journal is written; `previous` is the new name of a previous table."""
+    """The results of one run, and the table (if `written`) that grows with them, for one thread at a time; `previous`
+    is the new name of a previous table."""
 
     kind: ClassVar[str] = "run"
     version: ClassVar[int] = 6
@@ -163,9 +163,9 @@ def export(
     order: Iterable[str],
     final: Callable[[ReadingRecord], ReadingRecord] = lambda record: record,
 ) -> None:
-    """Write the table of a run in order, with unnamed parts last, and end the run; names without a record are skipped.
-    `final` makes the record that is written from each stored one. Raises FileError: it cannot be written; the same
-    command resumes the run and ends it."""
+    """Write the table of a run in order, with unnamed parts last, and end the run; names without a record are
+    skipped. `final` makes the record that is written from each stored one. Raises FileError; the same command
+    resumes the run."""
     journal.close_table()
     with writing(journal.table):
         if journal.table.suffix.lower() == WORKBOOK:
@@ -205,9 +205,8 @@ class RunStore:
     """A store that keeps each part of a run once, known by run, name and files, even if the run is repeated."""
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
-        """Open the store for a run; `run` is a hash of everything that its readings depend on. Raises StoreError: the
-        store cannot be opened. FileError: a folder cannot be made. MissingExtraError: the extra `service` is not
-        installed."""
+        """Open the store for a run; `run` is a hash of everything that its readings depend on. Raises StoreError,
+        FileError: it cannot be opened. MissingExtraError: the extra `service` is not installed."""
         try:
             from pipeline.store.evidence_folder import EvidenceFolder
             from pipeline.store.store import Store
@@ -221,8 +220,8 @@ class RunStore:
         self._store.close()
 
     def keep(self, part: PartFiles, read: ReadPart) -> bool:
-        """Store a part that could be read; whether it is new. Raises ValueError: no store can hold a text.
-        FileError: a picture cannot be kept."""
+        """Store a part that could be read; whether it is new. Raises ValueError: an impossible text. FileError: a
+        picture."""
         from pipeline.store.errors import MAX_TEXT, AlreadyDoneError, cleaned
         from pipeline.store.parts import IdempotencyKey
 

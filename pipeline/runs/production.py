@@ -52,7 +52,7 @@ def parts_for(
 
 def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executor: Executor) -> int:
     """Read parts and print the results; 1 if a part could not be read or its expected text is not confirmed, else 0.
-    Raises FileError: a table, order or lexicon cannot be used. ClusterError: the cluster cannot be used."""
+    Raises FileError: a table, order or lexicon cannot be used. ClusterError."""
     options.check()
     listing = parts_for(inputs, settings, manifests=options.manifest, recurse=options.recurse)
     tables = [table for table in (options.verify, options.order, options.truth) if table is not None]

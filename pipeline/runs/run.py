@@ -1,6 +1,5 @@
-"""A run over many parts, read by an executor; every row is on the disk within a second. Whatever ends the run, the same
-command continues where it stopped: a part in the journal is not read again. A part that only the store has is read
-again, but stored once, even if the run is repeated after its end."""
+"""A run over many parts, read by an executor; every row is on the disk within a second, and the same command continues
+where it stopped. A part that only the store has is read again, but stored once."""
 
 from __future__ import annotations
 
@@ -49,8 +48,8 @@ class Run:
     finished: bool = False
 
     def work(self, parts: Sequence[PartFiles], job: PartJob, executor: Executor) -> None:
-        """Read every part that the journal lacks, and export the table in the order of the parts. Without a table the
-        journal stays until the caller that opened the run is done. Raises FileError, ClusterError: it ends."""
+        """Read every part that the journal lacks, and export the table in the order of the parts; without a table the
+        journal stays until the run is closed. Raises FileError, ClusterError: it ends."""
         if self.watch is not None and self.journal.resumed:
             for read in self.journal.latest(self.watch.window):
                 self.watch.add(read.record.source, read.measures)
@@ -115,8 +114,7 @@ class Run:
 @contextmanager
 def open_run(options: RunOptions, description: dict[str, Any], *, second_pass: bool = False) -> Iterator[Run]:
     """Open a new run with its table, or resume an interrupted one; answers depend on the description, in JSON values.
-    Raises FileError: the table belongs to another run, is being written, or cannot be written. StoreError: the store
-    cannot be opened."""
+    Raises FileError: the table is another run's, in use, or cannot be written. StoreError."""
     # a part's own entry in a table is in its own key in the store
     known = {name: value for name, value in description.items() if name != "tables"}
     key = key_of({**known, "store": options.store})

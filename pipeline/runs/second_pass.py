@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 
 def runs_second_pass(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
-    """Whether to run a second pass (default: if the lot is large enough). Raises SettingsError: it is wanted, but is
-    not possible."""
+    """Whether to run a second pass (default: if the lot is large enough). Raises SettingsError: it is not possible."""
     why_not = _why_not(options, settings)
     if options.learn_die and why_not is not None:
         raise SettingsError(f"--learn-die {why_not[0]}", hint=why_not[1])

@@ -53,8 +53,8 @@ def check_number(path: Path, parts: int) -> None:
 
 
 def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[str, Any]) -> None:
-    """Write at most `MOST_PARTS` records, which wait on the disk, with facts of the run (`settings` is nested).
-    Raises OSError: it cannot be written. ValueError: no table can hold a record."""
+    """Write at most `MOST_PARTS` records, which wait on the disk, with facts of the run (`settings` is nested). Raises
+    OSError. ValueError: no table can hold a record."""
     from openpyxl import Workbook
 
     book = Workbook(write_only=True)

@@ -171,8 +171,8 @@ class Service:
         started_s: float | None = None,
     ) -> None:
         """Open store and folders, and start to warm up the workers; `started_s` is by the monotonic clock. Raises
-        StoreError. FileError: a folder cannot be made or belongs to another store, or a certificate or job cannot be
-        used. SettingsError: a certificate does not fit program and settings, or the watched folder's job is missing."""
+        StoreError. FileError: a folder, certificate or job cannot be used. SettingsError: settings contradict the
+        certificate or the jobs."""
         self.settings = settings
         workers = workers or PoolSettings()
         machine = machine or Machine.of(workers.processes)
@@ -233,8 +233,8 @@ class Service:
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     async def readiness(self) -> tuple[str, dict[str, str]]:
-        """Reason why parts cannot be read, without paths (empty if they can), and the answer of /readyz. It comes
-        within `READY_S`, also if the store is locked: one check runs at a time, and later callers wait for it."""
+        """Reason why parts cannot be read, without paths (empty if they can), and the answer of /readyz, within
+        `READY_S`: one check runs at a time, and later callers wait for it."""
         if self._readiness is None or self._readiness.done():
             self._readiness = self._checker.submit(self._check_readiness)
         checked, _ = await asyncio.wait([asyncio.wrap_future(self._readiness)], timeout=READY_S)

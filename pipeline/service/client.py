@@ -6,10 +6,8 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
         part = client.add_scan(part.id, "part.h5")
     print(part.text, part.state)
 
-* Every part is sent with an idempotency key. It becomes one part, even if it is sent several times.
-* If the service is busy, the client waits as long as the answer says and sends the request again. If the connection is
-  lost, it sends the request again only if that cannot have an effect twice. Retries end `patience_s` after the first
-  attempt.
+Every part is sent with an idempotency key: it becomes one part, even if it is sent several times. Requests are sent
+again while the service is busy, or if the connection is lost and they cannot have an effect twice, for `patience_s`.
 """
 
 from __future__ import annotations
@@ -42,8 +40,7 @@ _LONGEST_WAIT_S = 20.0
 
 
 class ServiceError(MarksError):
-    """The service refused a request, or could not be reached; `status` is 0 without an answer, `problem` is that of RFC
-    9457."""
+    """The service refused a request, or could not be reached (`status` 0); `problem` is that of RFC 9457."""
 
     is_usage = False
 
@@ -54,10 +51,8 @@ class ServiceError(MarksError):
 
 
 class Client:
-    """A connection to a service; threads may share it.
-
-    Every request raises ServiceError if it is refused, or the service is not reached in time.
-    """
+    """A connection to a service; threads may share it. Every request raises ServiceError if it is refused or times
+    out."""
 
     def __init__(
         self,
@@ -68,7 +63,7 @@ class Client:
         patience_s: float = 60.0,
         ca_file: Path | None = None,
     ) -> None:
-        """Prepare the connection.
+        """Prepare the connection. Raises MissingExtraError: httpx is not installed.
 
         Args:
             url: address of the service, such as http://127.0.0.1:8417.
@@ -76,9 +71,6 @@ class Client:
             timeout_s: longest wait for one answer, s.
             patience_s: time for retries, counted from the first attempt, s; 0 sends once.
             ca_file: certificates of the authorities to trust (default: those of the system).
-
-        Raises:
-            MissingExtraError: httpx is not installed.
         """
         try:
             import httpx
@@ -115,7 +107,8 @@ class Client:
         touch: Literal["asked", "stage", "plan"] = "asked",
         idempotency_key: str | None = None,
     ) -> PartRecord:
-        """Read a part from its photograph, its scan, or both.
+        """Read a part from its photograph, its scan, or both. Raises ValueError: there is neither. OSError: no such
+        file.
 
         Args:
             photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several photographs under different lights, read as one.
@@ -125,12 +118,8 @@ class Client:
             touch: what happens if the camera is unsure. "stage": the service's stage feels the part at once. "asked":
                 the stage feels it after a call of `touch`. Without a stage, both send the part to a person.
                 "plan": your program sends a scan that follows the plan in the answer.
-            idempotency_key: key of this part (default: a new one). If your program stores the key, it can send the part
-                again even after a restart.
-
-        Raises:
-            ValueError: there is neither a photograph nor a scan.
-            OSError: a file cannot be read.
+            idempotency_key: key of this part (default: a new one); with a stored key it can be sent again after a
+                restart.
         """
         fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
         photos = [photo] if isinstance(photo, (str, bytes, Path)) else list(photo or ())
@@ -160,8 +149,7 @@ class Client:
         note: str = "",
         before: str | None = None,
     ) -> PartRecord:
-        """Review a part; if the text is no longer the one that the reviewer saw (`before`), a ServiceError of status
-        409 is raised."""
+        """Review a part. Raises ServiceError: 409, the text is no longer the one that the reviewer saw (`before`)."""
         body = {
             "action": ReviewAction(action).value,
             "text": text,
@@ -184,8 +172,7 @@ class Client:
         before: str | None = None,
         limit: int = 50,
     ) -> tuple[PartRecord, ...]:
-        """List parts whose serial contains `text` and whose name `name`, newest first, up to the part with the id
-        `before`."""
+        """List parts by serial and name, newest first, up to the part with the id `before`."""
         wanted = {"state": state.value if state else "", "text": text, "name": name, "before": before or ""}
         query = {key: value for key, value in wanted.items() if value}
         answer = self._send("GET", "/v1/parts", params={**query, "limit": str(limit)})

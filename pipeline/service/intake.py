@@ -1,11 +1,9 @@
 """The path of a part through the service: receive, read, decide, keep, answer.
 
 * A request is answered only after its part is on the disk: files in the evidence folder, then one transaction.
-* A request that fails because of a bad file or a lost machine leaves no part. Sent again with its idempotency
-  key, it makes one part. A photograph that no sender would send again, of the camera or the watched folder, is a part
-  for a person if it cannot be read.
-* If the camera is unsure, the part waits for touch (`touch_queue`); without a stage, or if the stage fails during the
-  trigger's own call, it goes to a person.
+* A request that fails because of a bad file or a lost machine leaves no part, and may be sent again. A photograph of
+  the camera or the watched folder is a part for a person if it cannot be read.
+* If the camera is unsure, the part waits for touch (`touch_queue`), or without a stage goes to a person.
 * In shadow mode nothing is decided, felt by the stage or published; the reader is not told the expected text.
 """
 
@@ -220,8 +218,8 @@ class Intake:
         return await self.carry_out(idempotency, work)
 
     async def touch(self, part_id: str, call: TouchCall = NO_LIMIT) -> PartRecord:
-        """Release a part that lies under the whiskers: the stage feels it, and it is read again. Raises Problem: as
-        in `add_scan`. StageError: the stage cannot feel the part."""
+        """Release a part that lies under the whiskers: the stage feels it, and it is read again. Raises Problem: as in
+        `add_scan`. StageError: the stage cannot feel the part."""
         part = await self._unreviewed_part(part_id)
         if part.plan is None or part.shadow is not None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
@@ -268,8 +266,8 @@ class Intake:
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
-        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile. The store
-        knows what other processes have done. Raises Problem: the key is another request's."""
+        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile. Raises
+        Problem: the key is another request's."""
         if idempotency is None:
             return Received(await work())
         lock = self._locks.setdefault(idempotency.key, asyncio.Lock())

@@ -2,8 +2,7 @@
 
 * A file is checked whenever its job is named, by a worker within its limits, so jobs can change while the service runs.
 * A file that was there within the last hour may come back: requests that name it are asked to retry until then.
-* A job that cannot be used affects only its own parts. One that worked before keeps its former settings, and the log
-  and the list say so.
+* A job that cannot be used affects only its own parts. One that worked before keeps its former settings.
 * Jobs are shown and edited without paths of the service's machine.
 """
 
@@ -103,12 +102,7 @@ class GlyphDatabases(RecentFiles):
 
 @dataclass(frozen=True)
 class JobAnswer:
-    """A job in the list.
-
-    Attributes:
-        settings: of reading, as its file states them; files by name only, a glyph database as requests name it.
-        problem: why the file cannot be used as it is now; empty if it can.
-    """
+    """A job in the list: its settings as its file states them, files by name only, and why it cannot be used now."""
 
     name: str
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -140,9 +134,7 @@ class JobFolder(RecentFiles):
         call: Callable[..., Any] = _call_here,
     ) -> None:
         """Check every job in the folder. Raises SettingsError: settings name a certificate that is not valid for them.
-
-        `call` calls a function in a worker, or raises Problem (default: in this process).
-        """
+        `call` calls a function in a worker, or raises Problem (default: in this process)."""
         super().__init__(folder, SUFFIX, "job", needed=needed)
         self.default = default
         self.databases = databases or GlyphDatabases(folder)
@@ -200,7 +192,7 @@ class JobFolder(RecentFiles):
 
     def save(self, name: str, written: Mapping[str, Any]) -> bool:
         """Write a job, and return whether it is new. Raises Problem: the name or the settings are not valid.
-        OwnProblem: a file that the job names cannot be used. FileError, OSError: its own file cannot be written."""
+        OwnProblem: a file that the job names cannot be used. FileError, OSError: it cannot be written."""
         if re.fullmatch(NAME, name) is None:
             raise Problem(
                 422,

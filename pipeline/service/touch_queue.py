@@ -8,8 +8,7 @@
 
 * No part is felt unasked: by then another may lie there. Only a driver with `is_in_place` can say that it still does.
 * There is one attempt at a time per part; further callers get the result of that attempt.
-* The time limit is kept in the store; after the first check the monotonic clock measures it, so a jump of the system
-  clock does not matter. The log and the part's page say why a part was not felt.
+* After the first check the monotonic clock measures the time limit, so a jump of the system clock does not matter.
 * Services that share a store feel only the parts of their own lines; any of them gives up any part whose time is up.
 """
 

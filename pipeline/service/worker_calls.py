@@ -1,6 +1,6 @@
 """Calls of worker processes: refused while the queue is full, repeated if a worker is lost. A job or glyph database
-that turns out to be unusable is remembered until `recheck` finds it usable again. Opening a large damaged file takes
-seconds, so one that has not changed is opened again once a minute at most."""
+that turns out to be unusable is remembered until `recheck` finds it usable again, once a minute at most if it is
+unchanged."""
 
 from __future__ import annotations
 
@@ -127,8 +127,8 @@ class WorkerCalls:
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
     ) -> ReadPart:
         """Read a part in a worker, with the settings of its job; `felt_by` is the stage that feels it meanwhile. Raises
-        StageError: nothing could be felt. Problem: unusable files, a full queue, a lost worker; OwnProblem: an unusable
-        file of the service."""
+        StageError: nothing could be felt. Problem: unusable files, a full queue, a lost worker. OwnProblem: an own
+        file."""
         async with self._note_fault(job, database):
             settings = await self._settings_with(database, job)
             part = replace(part, settings=settings, limits=self.limits)
@@ -149,8 +149,8 @@ class WorkerCalls:
         raise AssertionError("no try")
 
     def call_blocking(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function that checks a job, before the parts that wait, for at most `FREE_S` and `CHECK_S`.
-        Raises Problem: a full queue, no worker in time, a lost worker. MarksError: as in the function."""
+        """Call a function that checks a job, before the parts that wait, for at most `FREE_S` and `CHECK_S`. Raises
+        Problem: no worker in time, or a lost one. MarksError: as in the function."""
         try:
             checked: T = self.pool.call(function, *arguments, free_s=FREE_S, timeout_s=CHECK_S)
         except BusyError as error:

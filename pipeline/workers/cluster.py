@@ -1,5 +1,4 @@
-"""A Dask cluster as an executor: workers on many machines, any of which may be lost. Dask gives the task of a lost
-worker to another one, and gives up a task after several workers have died with it. It blames all tasks that such a
+"""A Dask cluster as an executor: workers on many machines, any of which may be lost. Dask blames all tasks that a
 worker held, though only one has killed it: if several are blamed, `Executor.calls` tries each once more by itself."""
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class Outcome(Generic[T, R]):
 
 class Executor:
     """Call a function for many tasks, about `workers` at once, in this process; subclasses use a pool or a cluster.
-    Workers that are `remote`, on other machines, lack this one's files."""
+    `remote` workers lack this machine's files."""
 
     workers = 1
     remote = False

@@ -1,6 +1,5 @@
-"""Keep an interrupt from being lost. Python raises KeyboardInterrupt wherever the main thread happens to be. In a
-destructor, or a callback of the garbage collector, it is printed and forgotten, and the run would continue. It is
-therefore also recorded, and raised again at the next outcome of a task."""
+"""Keep an interrupt from being lost: a KeyboardInterrupt in a destructor is printed and forgotten. It is therefore also
+recorded, and raised again at the next outcome of a task."""
 
 from __future__ import annotations
 

@@ -42,8 +42,7 @@ class WorkerSettings(PoolSettings):
     def opened(
         self, parts: int | None = None, *, limit_s: float | None = None
     ) -> AbstractContextManager[Executor]:
-        """Open the executor for so many parts; one that takes twice `limit_s` is given up. Raises ClusterError: no such
-        cluster."""
+        """Open the executor for so many parts; one that takes twice `limit_s` is given up. Raises ClusterError."""
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
 

@@ -1,7 +1,7 @@
 """Worker processes, each fed by a thread of this process: for runs, the service, benchmarks and `synth`.
 
 * Every job ends: with its result, its exception, or WorkerLostError, even if no worker can start.
-* A worker that dies, or exceeds the time limit of a job, costs only its own job and is replaced, even while it is idle.
+* A worker that dies, or exceeds the time limit of a job, costs only its own job and is replaced.
 * No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
 * A worker uses one core and keeps to its memory limit. It is not forked: a forked child dies in its first parallel
   kernel. It ends when this process does, however that ends.
@@ -125,9 +125,9 @@ class WorkPool(Executor):
         timeout_s: float | None = None,
         first: bool = False,
     ) -> Future[Any]:
-        """Let a worker call the function, before the waiting jobs with `first`; the future cannot be cancelled. The
-        future has its result, its exception or WorkerLostError. `timeout_s` is that of the pool by default. Raises
-        BusyError: the queue is full. WorkerLostError: the pool is closed."""
+        """Let a worker call the function, before the waiting jobs with `first`; the future has its result, its
+        exception or WorkerLostError. `timeout_s` is that of the pool by default. Raises BusyError: full.
+        WorkerLostError: closed."""
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         try:

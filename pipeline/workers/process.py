@@ -92,9 +92,8 @@ class Worker:
     def ask(
         self, call: bytes, timeout_s: float, late: str, stopped: Callable[[], bool] = lambda: False
     ) -> Answer | Exception:
-        """Let the process make a pickled call, and return the result, or a WorkerLostError if the worker is lost.
-        `late` is its message after `timeout_s`, with {} for the seconds; `stopped` is called now and then, and True
-        ends the wait."""
+        """Let the process make a pickled call; its result, or a WorkerLostError. `late` is its message after
+        `timeout_s`, with {} for the seconds; `stopped` is called now and then, and True ends the wait."""
         with contextlib.suppress(OSError):  # the process has died; the wait below finds it
             self._pipe.send_bytes(call)
         until = time.monotonic() + timeout_s

@@ -79,8 +79,7 @@ def changes(
     after: Sequence[Trial],
     descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
 ) -> Changes:
-    """Compare the unperturbed parts of two benchmarks, A and B. Raises NotComparableError: other parts, or no common
-    reader."""
+    """Compare the unperturbed parts of two benchmarks, A and B. Raises NotComparableError: other parts or readers."""
     if descriptions is not None:
         _check_made_alike(*(d["parts"] for d in descriptions))
     before, after = unperturbed(before), unperturbed(after)

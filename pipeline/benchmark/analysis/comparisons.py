@@ -61,8 +61,8 @@ def compare(
 
 
 def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comparison]:
-    """Compare, at the same levels: fused with the better single sense, a sense with each of its experts, a mode without
-    a rule with the full mode, touch and fused (or else the first reader) with every other reader."""
+    """Compare, at the same levels: fused with the better single sense, a sense with its experts, a mode without a rule
+    with the full mode, touch and fused (or else the first reader) with every other reader."""
     for levels in dict.fromkeys(key.levels for key in groups):
         here = {key.mode: key for key in groups if key.levels == levels}
         for first, second in _rivals({mode: groups[key] for mode, key in here.items()}):

@@ -1,6 +1,5 @@
-"""Calibration of confidences (of all readings with confidence p, a share p should be right), and risk against coverage.
-The risk-coverage curve is the share of wrong serials among the most certain ones, as more are accepted. A good
-confidence keeps the risk at 0 until only wrong ones are left."""
+"""Calibration of confidences (of all readings with confidence p, a share p should be right), and risk against coverage:
+the share of wrong serials among the most certain ones, as more are accepted."""
 
 from __future__ import annotations
 
@@ -25,8 +24,8 @@ class ReliabilityBin:
 
 @dataclass(frozen=True)
 class Reliability:
-    """A reliability diagram: bins that are not empty, and the expected calibration error: the mean over all readings of
-    |share right - mean confidence| of their bin."""
+    """A reliability diagram: bins that are not empty, and the expected calibration error, the mean of |right -
+    confidence|."""
 
     bins: tuple[ReliabilityBin, ...]
     error: float
@@ -53,9 +52,8 @@ def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: in
 
 @dataclass(frozen=True, eq=False)
 class RiskCoverage:
-    """Risk, the share of wrong serials among the most certain ones, at coverages of 1/n, 2/n ... 1; both (n,). Equally
-    certain ones are in expected random order. `area` is the AURC, the mean of the risk; `least_area` is that of a
-    confidence that puts every wrong serial last."""
+    """Risk, the share of wrong serials among the most certain ones, at coverages of 1/n, 2/n ... 1; both (n,). `area`
+    is the AURC, the mean of the risk; `least_area` that of a confidence that puts every wrong serial last."""
 
     coverage: NDArray[np.float64]
     risk: NDArray[np.float64]

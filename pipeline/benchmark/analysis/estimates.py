@@ -56,9 +56,8 @@ def resample(
 ) -> Estimate:
     """Estimate a statistic of sums over parts; the interval resamples whole parts (BCa bootstrap, Efron 1987).
 
-    If all parts agree, resampling shows nothing. Then the share of parts that differ is at most Wilson's bound for none
-    of these parts, and the interval has their least and greatest value there. `statistic` turns sums of counts, (draws,
-    columns), into (draws,) values, NaN if undefined.
+    If all parts agree, the share of parts that differ is at most Wilson's bound for none of them, and the interval has
+    their least and greatest value there. `statistic` turns (draws, columns) sums of counts into (draws,) values.
     """
     from scipy.special import ndtr, ndtri
 
@@ -87,8 +86,8 @@ def ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def bootstrap_share(right: Sequence[float], total: Sequence[int], *, least: float = 0.0) -> Estimate:
-    """A share of characters with its 95 % interval; those of one part share its dirt, so whole parts are resampled.
-    `right` and `total` are (parts,); for a difference of two readers the least share of a part is -1."""
+    """A share of characters with its 95 % interval, by resampling whole parts. `right` and `total` are (parts,); for a
+    difference of two readers the least share of a part is -1."""
     return (
         resample(np.array([right, total], dtype=np.float64).T, ratio, least=least)
         if sum(total)

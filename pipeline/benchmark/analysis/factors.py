@@ -101,8 +101,7 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect:
 
 
 def _p_matters(counts: NDArray[np.float64], severities: Sequence[float | None]) -> float:
-    """Whether levels differ, by counts as in `_effect`; a difference between severities (parts,) is not one between
-    levels."""
+    """Whether levels differ, by counts as in `_effect`, apart from differences between severities (parts,)."""
     from scipy.stats import kruskal
 
     read = counts[..., 3] > 0.0

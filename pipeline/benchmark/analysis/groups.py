@@ -1,8 +1,7 @@
 """Group trials, and compute the figures of a group: shares, edits, confused characters, times.
 
-A group has one mode, and one level of each of some factors. If parts were read several times with different facts,
-these facts are always one of the factors, so that no group holds a part twice and Wilson's intervals are valid.
-Whether a text is right does not depend on the decision: a rejected serial may be right.
+A group has one mode, and one level of each of some factors. Different given facts are always a factor, so that no group
+holds a part twice and Wilson's intervals are valid. A rejected serial may be right.
 """
 
 from __future__ import annotations

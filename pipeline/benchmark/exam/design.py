@@ -191,7 +191,7 @@ def of_flags(
     levels: Mapping[str, tuple[Any, ...]], *, parts: int, seed: int, given: tuple[str, ...]
 ) -> Design:
     """Make a design that crosses fonts, formats, soils and severities, with the same stamped parts in every cell.
-    `levels` replace the defaults of these and other factors (SettingsError names an invalid one)."""
+    `levels` replace the defaults of these and other factors. Raises SettingsError: an invalid one."""
     usual: dict[str, Any] = {"font": "gothic", "format": "AA999999", "soil": WORKSHOP,
              "severity": (0.0, 0.3, 0.6, 0.9), "height_mm": 5.0, "depth_mm": 0.2, "face": "flat"}  # fmt: skip
     cross, part = ("font", "format", "soil", "severity"), {**usual, **levels}
@@ -204,8 +204,8 @@ def editions() -> tuple[str, ...]:
 
 
 def design_named(name: str) -> Design:
-    """Load an edition by its name, or a design from a TOML file; either may name fonts of the editions. Raises
-    FileError: the file is not a design. SettingsError: the name is neither a TOML file nor an edition."""
+    """Load an edition by its name, or a design from a TOML file. Raises FileError: the file is not a design.
+    SettingsError: no such name."""
     if name not in editions() and not name.endswith(".toml"):
         raise SettingsError(
             f"there is no design {name!r}", hint=f"name a TOML file, or one of {', '.join(editions())}"
@@ -229,9 +229,8 @@ def _turns(
 ) -> np.ndarray[Any, Any]:
     """Draw the index of the level for each cell and round, shape (cells, rounds).
 
-    Within each block of `levels` rounds, counted from the first, a cell takes each level once. The cells begin evenly
-    spaced over the levels, those of one severity by themselves and all of them together. After any number of rounds the
-    counts of two levels then differ by at most 1, at every severity and over all.
+    Within each block of `levels` rounds a cell takes each level once. The cells begin evenly spaced over the levels, so
+    that the counts of two levels differ by at most 1 after any number of rounds, at every severity and over all.
     """
     rng = np.random.default_rng(seed)
     cells, several = np.asarray(severities), max(severities) + 1

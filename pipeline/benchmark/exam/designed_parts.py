@@ -45,8 +45,7 @@ _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str:
 def sketch_part(
     format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
 ) -> Part:
-    """Sketch a random serial as a part, with the dirt of stamped ones. Raises FontError, FormatError: it cannot be
-    stamped."""
+    """Sketch a random serial as a part, with the dirt of stamped ones. Raises FontError, FormatError."""
     key = tuple(int(number) for number in seed)
     rng = np.random.default_rng(key)
     letters, text = load_font(font), random_text(format, rng=rng)
@@ -61,8 +60,8 @@ def sketch_part(
 @dataclass(frozen=True)
 class DesignedParts:
     """Parts of a design; with `first`, so many of them, from each section in proportion. Raises FontError: a font is
-    missing or differs from the design's. FormatError: no serial can match a format. SettingsError: an unknown factor, a
-    level of the wrong type, an unknown light, or too few parts. StampError: an invalid die, plate, layout or soil."""
+    missing or differs. FormatError: no serial can match. SettingsError: an invalid factor or light, or too few parts.
+    StampError."""
 
     design: Design
     first: int | None = None

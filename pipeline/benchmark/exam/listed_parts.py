@@ -33,8 +33,8 @@ class ListedParts:
     @classmethod
     def of_files(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> ListedParts:
         """The parts of folders, globs or files whose text is in a table with the columns part and text. Raises
-        FileError: the table is missing, or has no row for any part. NothingFoundError: the inputs name no part.
-        SettingsError: the format or severity is invalid."""
+        FileError: no table, or no row for any part. NothingFoundError: no part. SettingsError: the format or severity
+        is invalid."""
         if condition.format:
             allowed_characters(condition.format)
         if (severity := condition.severity) is not None and not 0.0 <= severity <= 1.0:
@@ -58,8 +58,8 @@ class ListedParts:
 
     @classmethod
     def of_table(cls, table: Path) -> ListedParts:
-        """The parts of a CSV with the columns part and text; every other column is a factor. Raises FileError: it
-        lacks columns, or holds answers instead."""
+        """The parts of a CSV with the columns part and text; every other column is a factor. Raises FileError: it lacks
+        columns."""
         known = []
         for number, line in enumerate(load_part_lines(table)):
             if column := next((name for name in _ANSWER_COLUMNS if name in line.others), ""):

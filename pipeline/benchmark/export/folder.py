@@ -1,6 +1,5 @@
-"""Export an exam as a folder of files, for readers outside this program. A part's label is written after its files and
-holds their hashes: an interrupted export continues with the parts whose label is missing or does not match the
-files."""
+"""Export an exam as a folder of files, for readers outside this program. A part's label is written last and holds the
+hashes of its files, so that an interrupted export continues."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ def export(
     progress: Progress | None = None,
 ) -> int:
     """Write the exam, and return the number of parts in the folder; complete parts already there stay. Raises
-    ExportError: some parts could not be made; the others are written. FileError: the folder holds something else, or
-    cannot be written."""
+    ExportError: some parts could not be made. FileError: the folder holds something else, or cannot be written."""
     items = parts.items()
     _prepare(parts, folder)
     labels = {item.part: label for item in items if (label := _whole(folder, item)) is not None}

@@ -1,6 +1,5 @@
-"""Modes, and the readings that all modes share: a part is read once by each sense, with its time, charged to its users.
-Readers of pictures see maps of a simulated scan. The stage is set for the true character height if it is known, as in a
-plant, else for a usual one; these maps do not depend on our reader."""
+"""Modes, and the readings that all modes share: a part is read once by each sense, with its time. Readers of pictures
+see maps of a simulated scan, set for the true character height if it is known, as in a plant."""
 
 from __future__ import annotations
 
@@ -168,7 +167,7 @@ def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -
 @dataclass(frozen=True)
 class Mode:
     """A mode: the readings that it `uses`, to whose time it is charged ("touch", "vision", "lights", "felt"). `read`
-    returns the reading, and fields of the trial that replace those of the run, if any."""
+    returns the reading, and fields of the trial that replace those of the run."""
 
     uses: tuple[str, ...]
     read: Callable[[PartReadings], tuple[Reading, Mapping[str, Any]]]

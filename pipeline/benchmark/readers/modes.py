@@ -133,9 +133,8 @@ _FELT = ("tactile", "fused")  # modes that other whiskers can feel for
 def expand_groups(
     named: tuple[str, ...], *, ablate: tuple[str, ...] = (), whiskers: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
-    """Replace the groups experts (of the other modes), peers, and plans (of touch) among the names of modes. Each
-    built-in mode is also decided without each of the rules `ablate`, and modes of touch read with each of the files
-    `whiskers`."""
+    """Replace the groups experts (of the other modes), peers, and plans (of touch) among the names of modes; add the
+    modes without each of the rules `ablate`, and with each of the files `whiskers`."""
     groups = {"experts": experts_in(named), "peers": PEERS, "plans": tuple(p.mode for p in PLANS)}
     single = tuple(name for name in named if name not in groups)
     more = dict.fromkeys(mode for name in named for mode in groups.get(name, ()))

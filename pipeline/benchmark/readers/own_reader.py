@@ -1,5 +1,4 @@
-"""A user's reader in the exam, `module:function`: def read(part: ExamPart) -> str | Answer. The photograph, the maps of
-touch and the true heights are made when the function asks for them."""
+"""A user's reader in the exam, `module:function`: def read(part: ExamPart) -> str | Answer."""
 
 from __future__ import annotations
 

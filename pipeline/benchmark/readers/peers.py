@@ -1,8 +1,7 @@
-"""Third-party programs that read one line of text: RapidOCR's recognition network and Tesseract.
+"""Third-party programs that read one line of text: RapidOCR's recognition network and Tesseract (extra `peers`).
 
-Both come with the extra `peers`; nothing is downloaded at run time. RapidOCR's probabilities are decoded with the
-format by the same code as those of our own network. Tesseract gives no probabilities, so only its character set is
-limited to that of the format.
+RapidOCR's probabilities are decoded with the format by the same code as those of our own network. Tesseract gives none,
+so only its character set is limited to that of the format.
 """
 
 from __future__ import annotations
@@ -120,8 +119,7 @@ def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places:
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
-    """Best class of every step of (steps, classes) probabilities, without repeats and blanks (class 0). A run has the
-    highest probability of its steps."""
+    """Best class of every step of (steps, classes) probabilities, without repeats and blanks (class 0)."""
     best = beliefs.argmax(axis=1)
     runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
     return [(classes[k], float(beliefs[steps, k].max())) for k, steps in runs if k]
@@ -155,8 +153,7 @@ def _tesseract(chars: str) -> LineReader:
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """Read one of `PICTURES` with an engine; without a format any letter or digit. Raises ModeUnavailableError: not
-    installed."""
+    """Read one of `PICTURES` with an engine; without a format any letter or digit. Raises ModeUnavailableError."""
     places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
     read_line = open_engine(engine, "".join(sorted(set("".join(places)))) or _ALPHABET)
     felt = picture in _FELT

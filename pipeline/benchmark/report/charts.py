@@ -1,5 +1,5 @@
-"""Charts of a benchmark's report, for screen and paper; series can be distinguished without colour. Accuracy against
-severity; risk against coverage; reliability of confidences."""
+"""Charts of a benchmark's report, for screen and paper: accuracy against severity, risk against coverage,
+reliability."""
 
 from __future__ import annotations
 
@@ -130,8 +130,8 @@ def risk_figure(groups: Sequence[Group]) -> Figure:
 
 @styled
 def reliability_figure(groups: Sequence[Group]) -> Figure:
-    """Reported confidence against the share right, for serials and characters of every mode. A bin's mark is larger the
-    more readings it holds; bars are Wilson's 95 % intervals."""
+    """Reported confidence against the share right, for serials and characters of every mode; larger marks stand for
+    more readings, bars for Wilson's 95 % intervals."""
     modes = modes_in(groups)
     figure = Figure(figsize=(max(WIDTH_IN, 2.4 * len(modes)), 6.2))
     panels = figure.subplots(2, len(modes), squeeze=False, sharex=True, sharey=True)

@@ -28,8 +28,7 @@ PROGRAM = "tactile-marks"
 
 
 def write_files(folder: Path, contents: Mapping[str, Any]) -> tuple[Path, ...]:
-    """Write rows as .csv, values as .json, else texts, by file name; return the paths. Raises FileError: it cannot be
-    written."""
+    """Write rows as .csv, values as .json, else texts, by file name; return the paths. Raises FileError."""
     make_folder(folder)
     writers: dict[str, Callable[[Path, Any], None]] = {".csv": write_table, ".json": write_json}
     for name, content in contents.items():

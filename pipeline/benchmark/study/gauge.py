@@ -27,8 +27,7 @@ LEAST_CATEGORIES = 5
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the analysis of variance, mm²: ratio to the mean square that it is tested against, and its probability
-    by chance."""
+    """A row of the analysis of variance, mm²: ratio to the tested mean square, and its probability by chance."""
 
     source: str
     freedom: int
@@ -81,8 +80,7 @@ class GaugeRR:
 
 
 def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
-    """Compute the study of depths (parts, appraisers, trials), mm, at least 2, 1 and 2. Raises ValueError: fewer, or
-    not finite."""
+    """Compute the study of depths (parts, appraisers, trials), mm, at least 2, 1 and 2. Raises ValueError."""
     x = np.asarray(values_mm, dtype=np.float64)
     if x.ndim != 3 or x.shape[0] < 2 or x.shape[1] < 1 or x.shape[2] < 2:
         raise ValueError(

@@ -44,9 +44,8 @@ def run_study(
 ) -> tuple[Study, str, tuple[Path, ...]]:
     """Measure every part of folders, globs and manifests several times, and write the report.
 
-    `reviewers` is a table of the texts that people read, `truth` of the stamped ones (default: those that a
-    manifest expects). The folder also holds the journal of a study that was interrupted. Returns the study, its tables
-    in Markdown, and the files written. Raises MarksError: inputs, tables or the folder cannot be used.
+    `reviewers` is a table of the texts that people read, `truth` of the stamped ones (default: those that a manifest
+    expects). Returns the study, its tables in Markdown, and the files written. Raises MarksError.
     """
     settings = plan.settings
     reader_of(settings)  # reject invalid settings before anything is read
@@ -94,8 +93,7 @@ def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> 
 
 def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple[str, ...]]:
     """Load reviewers' answers from a table, with the reviewer as mode; and the parts that are not in the study. Raises
-    FileError: another table, a line without a reviewer, no part of the study, or a reviewer who did not read every part
-    equally often."""
+    FileError: another table, no part of the study, or a reviewer who did not read every part equally often."""
     known = PartTexts(dict.fromkeys(parts, ""))
     answers: list[Trial] = []
     times: dict[str, Counter[str]] = {}

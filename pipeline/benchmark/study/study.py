@@ -16,8 +16,7 @@ from pipeline.benchmark.trials.journal import Trial
 
 @dataclass(frozen=True)
 class Study:
-    """All results of a study: trials of the reader, answers of reviewers (equally many, or ValueError), truth,
-    notes."""
+    """Results of a study: trials of the reader, answers of reviewers (equally many, or ValueError), truth, notes."""
 
     measured: tuple[Trial, ...]
     answers: tuple[Trial, ...] = ()

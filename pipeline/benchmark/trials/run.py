@@ -1,6 +1,5 @@
 """Run a benchmark: several workers make every part once and read it by every mode; results are stored at once. A part
-depends only on its seed or files, so the answers do not depend on the number of workers, the order of parts, or
-interruptions of the run."""
+depends only on its seed or files, not on workers, order or interruptions."""
 
 from __future__ import annotations
 
@@ -109,8 +108,8 @@ def run_benchmark(
     progress: Progress | None = None,
 ) -> list[Trial]:
     """Run the trials of every part that is not in the folder yet; return all, by part, facts, perturbation and mode.
-    Raises FileError: the folder holds another benchmark or cannot be written. ModeUnavailableError: a mode cannot run
-    here. SettingsError: a mode, font or format cannot be used."""
+    Raises FileError: the folder holds another benchmark. ModeUnavailableError: a mode cannot run here.
+    SettingsError."""
     items = benchmark.parts.items()
     ways = ((item.condition, facts) for item in items for facts in item.given)
     for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):
@@ -199,8 +198,8 @@ def _describe(error: Exception) -> str:
 
 
 def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
-    """Rebuild a benchmark, and some of its items, from the description in its journal, with the present program. Raises
-    MarksError: its parts or whiskers are in files, or its design lacks a font or soil here."""
+    """Rebuild a benchmark, and some of its items, from the description in its journal. Raises MarksError: parts or
+    whiskers are in files, or its design lacks a font or soil here."""
     wanted, source_values = set(parts), description["parts"]
     if "part" not in source_values:
         raise SettingsError("its parts are in files", hint="only parts of a design are drawn")

@@ -8,12 +8,9 @@ caller --room--> connection --messages--> asyncua
          |                     '- Call                                  answered in a task of its own
          '- no room: an idle caller is dropped
 
-* Callers without a session and callers with one are counted separately. If there are too many of a kind, the address
-  with the most loses its longest idle one, but none with a call in progress. Who does not read answers is disconnected.
-* asyncua logs a traceback for each bad message; here one line of each kind in ten seconds is logged. It is untyped
-  here: it does not export its names as strict checking wants, and some types exist only while a server runs.
-
-Raises MissingExtraError on import if asyncua is not installed.
+Callers without a session and callers with one are counted separately: of too many, the address with the most loses its
+longest idle one, but none with a call in progress. One line of each kind of bad message is logged in ten seconds.
+asyncua is untyped here. Raises MissingExtraError on import without it.
 """
 
 from __future__ import annotations
@@ -92,7 +89,7 @@ def _argument(name: str, kind: int = ua.ObjectIds.String) -> Any:
 
 async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) -> tuple[dict[str, Any], Any]:
     """Load the model and set up its device; returns its nodes by name, and the generator of its events. `methods` are
-    Scan, ScanStart and ScanStop of the model, and further ones, whose arguments `PLAIN_METHODS` names."""
+    Scan, ScanStart and ScanStop of the model, and further ones with the arguments in `PLAIN_METHODS`."""
     uris = (DI_URI, AUTOID_URI, READER_URI)
     _, autoid, reader = [await server.register_namespace(uri) for uri in uris]
     await server.import_xml(NODE_SET)

@@ -17,8 +17,7 @@ T = TypeVar("T")
 
 
 async def answer_of(call: Awaitable[T], running: set[asyncio.Future[Any]], *, within_s: float) -> T:
-    """Wait for a call, which goes on if its caller leaves: its part may already be counted on elsewhere. Raises
-    Problem: 503, it takes longer."""
+    """Wait for a call, which goes on if its caller leaves. Raises Problem: 503, it takes longer."""
     calling = start(call, running)
     calling.add_done_callback(
         lambda done: done.cancelled() or done.exception()

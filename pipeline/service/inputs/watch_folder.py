@@ -5,17 +5,16 @@
 
 * A file is identified by its name, length and time: one that is overwritten is another photograph. One that is only
   moved to another subfolder is the same.
-* It is complete when two looks, `LOOK_S` apart, find the same length and time: one that is moved in, at its second.
-  One whose end is missing has `timeout_s` to be written to its end. Names of unfinished uploads are not looked at.
-* Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
-  all its files are, and there are as many as expected. Where none are expected, it is when none was added or changed
-  for `settle_s`. One that is added later makes it another set, which is read anew.
-* The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for as
-  long as they are in the folder, and some months longer.
+* It is complete when two looks, `LOOK_S` apart, find the same length and time. One whose end is missing has `timeout_s`
+  to be written to its end. Names of unfinished uploads are not looked at.
+* Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. It is complete when all
+  its files are, and there are as many as expected, or, where none are expected, none was added or changed for
+  `settle_s`. One that is added later makes it another set, which is read anew.
+* In the transaction that writes a part, its files become idempotency keys, for as long as they are in the folder.
 * A photograph that cannot be read, or that ends two workers, is a part for a person, and is not tried again until it
   changes. While the queue is full, or a file of the service cannot be used, files wait. Nothing in the folder changes.
 * A part is felt at once only if its photograph has just come and is the latest: another one may lie under the whiskers
-  by now. The others wait for a release. While the folder cannot be looked at, the service is not ready.
+  by now. The others wait for a release.
 """
 
 from __future__ import annotations

@@ -3,13 +3,12 @@
 outbox --lease--> sender (webhook, MQTT) --arrived--> delivered
                                          \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
 
-A delivery is removed from the outbox only after the receiver has acknowledged it, so each arrives at least once; it
-arrives twice if the service dies between the two. The results of one part arrive in order: the outbox gives only the
-oldest of each part and target. A target that is down rests, and is then tried with one delivery.
+A delivery is removed from the outbox only after the receiver has acknowledged it, so each arrives at least once. The
+results of one part arrive in order. A target that is down rests, and is then tried with one delivery.
 
-Services that share a store share its outbox: no sending starts that might not end within its lease, and another takes
-over when the lease of a dead service ends. One that stalls for longer than its lease may send late what another has
-sent since: receivers for which that matters drop a delivery_id smaller than the last one they got for that part.
+Services that share a store share its outbox: no sending starts that might not end within its lease. One that stalls for
+longer may send late what another has sent since: receivers for which that matters drop a delivery_id smaller than the
+last one they got for that part.
 """
 
 from __future__ import annotations

@@ -81,8 +81,8 @@ class MqttSender:
         timeout_s: float = 10.0,
     ) -> None:
         """Prepare the sender; `timeout_s` is for connecting, and for one acknowledgement. TLS certificates are checked
-        by the system's authorities, or those of the file SSL_CERT_FILE. `answer_call` answers a trigger or touch, if
-        the settings allow calls. Raises MissingExtraError: paho-mqtt is not installed."""
+        by the system's authorities, or those of the file SSL_CERT_FILE. `answer_call` answers a trigger or touch.
+        Raises MissingExtraError: paho-mqtt is not installed."""
         try:
             import paho.mqtt.client  # noqa: F401 - asked for at the start, not with the first result
         except ImportError as error:

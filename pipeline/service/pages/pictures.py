@@ -1,6 +1,5 @@
 """The pictures of a part with the boxes of its characters, in pixels, upright, cut to the line. The middle of pixel (0,
-0) is (x0_mm, y0_mm); on the page its corner is the origin, so that middle is (0.5, 0.5). A line that runs upwards,
-downwards or upside down is turned by quarters, so that boxes stay parallel to the axes."""
+0) is (x0_mm, y0_mm); on the page it is (0.5, 0.5). A line that does not run to the right is turned by quarters."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The stage and the camera: drivers and their calls. A driver of an integrator's own is a `Stage`, a `SessionStage` or
-a `Camera`; all it is given is a `ScanOrder`."""
+"""The stage and the camera: a driver of an integrator's own is a `Stage`, `SessionStage` or `Camera`."""
 
 from __future__ import annotations
 

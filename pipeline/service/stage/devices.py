@@ -4,10 +4,9 @@
     feel(order, into) -> recording                             `Stage`: one scan of the whole plan
     device = "press_hall.stage:open_stage"                     open_stage() returns an object with `open` or `feel`
 
-A stage is given the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
-its camera's axis meets the plate, brings the two together, scans, and hands the recording back in the frame of the
-order, so that the scan lies over the photograph. A session speaks that frame too: its field is the order's region, as
-far as the part reaches.
+A stage is given the region in the photograph's frame, and what lies under the middle of the photograph. It knows where
+its camera's axis meets the plate, and hands the recording back in the frame of the order, so that the scan lies over
+the photograph. A session speaks that frame too: its field is the order's region, as far as the part reaches.
 """
 
 from __future__ import annotations
@@ -51,9 +50,9 @@ class ScanOrder:
     def frame(
         self, field_mm: tuple[float, float, float, float], *, camera_mm: tuple[float, float] | None = None
     ) -> dict[str, Any]:
-        """Frame of a session for the order, as `FramedSession` takes it: its field is the region, within the stage's.
-        `field_mm` is (x0, y0, x1, y1) of the stage on the plate, `camera_mm` the camera's axis there (default: its
-        middle). Raises StageError: the region is off the field."""
+        """Frame of a session for the order, as `FramedSession` takes it. `field_mm` is (x0, y0, x1, y1) of the stage on
+        the plate, `camera_mm` the camera's axis there (default: its middle). Raises StageError: the region is off the
+        field."""
         import numpy as np
 
         ends = np.reshape(field_mm, (2, 2))
@@ -74,9 +73,8 @@ class ScanOrder:
 class Stage(Protocol):
     """Move the whiskers over a part.
 
-    A stage, with `feel` or with `open`, may also have `is_in_place(part_name: str) -> bool`, whether that part lies
-    under the whiskers now. It is asked before and after a part is felt. With it a part that could not be felt is tried
-    again as long as it lies there; without it a person gets the part.
+    A stage may also have `is_in_place(part_name: str) -> bool`, asked before and after a part is felt: with it a part
+    that could not be felt is tried again as long as it lies there; without it a person gets the part.
     """
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
@@ -127,8 +125,8 @@ class SimulatedStage:
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Mount the part's height map, its middle under the camera's axis. Raises StageError: no such part, a map
-        that cannot be scanned, or a region off the part."""
+        """Mount the part's height map, its middle under the camera's axis. Raises StageError: no such part, or a map
+        that cannot be scanned there."""
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.readers import virtual_array
         from pipeline.reading.scan_plan import FramedSession

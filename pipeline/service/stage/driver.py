@@ -5,10 +5,8 @@
 
     worker: reader --pass--> LinkedStage <== connection ==> StageLink: the driver's session --> whiskers
 
-* A driver is never called by two threads at once, and blocks neither other work nor the end of the service. While a
-  call hangs, others are refused at once; when it returns at last, the driver is used again.
-* A driver stays in the service's process; its session is closed when the worker has done, has failed, or is gone.
-* A worker imports this module, so it imports nothing of the web.
+A driver is never called by two threads at once, and blocks neither other work nor the end of the service: while a call
+hangs, others are refused at once. A worker imports this module, so it imports nothing of the web.
 """
 
 from __future__ import annotations

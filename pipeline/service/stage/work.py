@@ -1,8 +1,5 @@
-"""The stage and the camera of the service, each with its own thread.
-
-* A real stage feels one part at a time; a simulated one works in the workers, as many at once as there are.
-* A driver that hangs is refused from then on, until it answers again; `trouble` says so.
-"""
+"""The stage and the camera of the service, each with its own thread. A real stage feels one part at a time; a simulated
+one works in the workers. A driver that hangs is refused until it answers again."""
 
 from __future__ import annotations
 
@@ -73,8 +70,8 @@ class StageWork:
 
     @contextlib.asynccontextmanager
     async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker during a call. Raises StageDownError: it does not answer. StageError: the part
-        may no longer lie under the whiskers, at the beginning or at the end."""
+        """Lend the stage to a worker during a call. Raises StageDownError: it does not answer. StageError: the part may
+        no longer lie under the whiskers."""
         if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
@@ -155,8 +152,8 @@ class CameraWork:
         self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
     ) -> CameraPictures:
         """Photograph the part of that name, and copy the photographs into the folder. `known` finds those of some
-        pictures' keys that already belong to a part. Raises StageDownError: the camera does not answer. StageError:
-        there is no photograph. OSError: one cannot be read."""
+        pictures' keys that already belong to a part. Raises StageDownError: no answer. StageError: no photograph.
+        OSError: it cannot be read."""
         camera = self._camera
         if camera is None:
             raise StageError("this service has no camera", "send a photograph of the part instead")

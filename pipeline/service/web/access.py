@@ -1,5 +1,5 @@
-"""Access control: tokens with scopes, required of every caller but the user that runs the service. A caller's user is
-that of its program's socket on this machine (Linux)."""
+"""Access control: tokens with scopes, required of every caller but the user that runs the service (of a socket on this
+machine, on Linux)."""
 
 from __future__ import annotations
 
@@ -53,9 +53,8 @@ class Caller:
 
 
 class Access:
-    """Identify the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie. The cookie
-    names a session that the store keeps. `token_of` is asked once a request, at the door; the routes ask `caller`,
-    which remembers."""
+    """Identify the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie, a session that
+    the store keeps. `token_of` is asked once a request, at the door; the routes ask `caller`."""
 
     def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
         """`own_user`: whether callers of other users of this machine need a token, as the door has found them."""

@@ -60,10 +60,8 @@ log = structlog.get_logger("tactile-marks")
 class Door:
     """Give each request an id, a log line and its place in the metrics, and reject requests before reading the body.
 
-    A page of another site in the operator's browser must not reach the service: neither its forms and scripts nor, if
-    no token is required, a host name of its own that points to this machine. If no token is required, a proxy must be
-    named in the settings: through it, every caller looks like one on this machine. HEAD is answered as GET without
-    body.
+    A page of another site in the operator's browser must not reach the service: neither by forms and scripts nor, if no
+    token is required, by a host name of its own that points to this machine. HEAD is answered as GET without body.
     """
 
     def __init__(
@@ -160,8 +158,7 @@ class Door:
             raise Problem(400, f"{what}; call it by its address, or name it in the setting hosts")
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
-        """Refuse cross-site requests: browsers send Sec-Fetch-Site over TLS and to this machine, and Origin with every
-        request that may change something."""
+        """Refuse cross-site requests, by the headers Sec-Fetch-Site and Origin of browsers."""
         site, origin = headers.get("sec-fetch-site"), headers.get("origin")
         if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):
             return

@@ -1,5 +1,5 @@
-"""Problems of requests, by RFC 9457: application/problem+json, with problem and remedy. Whatever fails becomes a
-problem in one place, `problem_of`: for HTTP, trigger ports and the watched folder alike."""
+"""Problems of requests, by RFC 9457: whatever fails becomes one in `problem_of`, for HTTP, trigger ports and the
+watched folder alike."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class _Parser(MultiPartParser):
 
 class FormRoute(APIRoute):
     """A route for forms: fields that are unknown, come twice or have text for a file are refused. Files with only
-    `filename*` (RFC 5987), as older HTTP libraries send them, are uploads, not text."""
+    `filename*` (RFC 5987), as older HTTP libraries send them, are uploads."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()

@@ -4,8 +4,8 @@
   stops it at once.
 * A connection that has not done its TLS handshake, or sent a whole request head, within HEAD_S is closed; so is one
   whose caller does not read its answer. One address has a limited number of them; a trusted proxy has no limit.
-* A request that is answered before all of it has come gets its answer: the rest is read and dropped for LINGER_S.
-  A connection closed with bytes unread is reset by the system, and a proxy then has no answer to pass on (502).
+* After an early answer the rest of a request is read and dropped for LINGER_S: a connection closed with bytes unread is
+  reset, and a proxy then has no answer to pass on (502).
 """
 
 from __future__ import annotations
