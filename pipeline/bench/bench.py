@@ -75,8 +75,7 @@ class Bench:
         return BenchSession(self, self.settings.fitting(part_id))
 
     def run(self, moves: Moves) -> Record:
-        """Run one pass; the tips end lifted. Raises StageError: it failed, and the stage is stopped and, if possible,
-        lifted."""
+        """Run one pass; the tips end lifted. Raises StageError: it failed; the stage is stopped and lifted."""
         self.stage.travel(moves)
         self.daq.start()
         self._in_pass = True
@@ -161,8 +160,7 @@ def raster_passes(
     each_whisker: bool = False,
 ) -> tuple[Pass, ...]:
     """Plan the passes of the default raster over (x0, y0, x1, y1), with the mounted comb. With `each_whisker` every
-    whisker crosses the whole region, there and back, on the lines of a test piece; lines are then in the order of the
-    whiskers."""
+    whisker crosses the whole region, there and back; lines are then in the order of the whiskers."""
     usual = default_plan(
         region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions), speed_mm_s=fitting.speed_mm_s,
         two_way=each_whisker,

@@ -81,8 +81,7 @@ class Sender:
         return (self._query if silent else b"") + b"".join(self._lines[begin : self._sent])
 
     def acknowledges(self, answer: str) -> bool:
-        """Whether an answer is an acknowledgement or a resend request. Raises ValueError: the line cannot be sent
-        again."""
+        """Whether an answer is an acknowledgement or a resend request. Raises ValueError: that line is gone."""
         if answer.startswith("ok"):
             # each refused line has an `ok` of its own
             self._acknowledged += not self._refused and self._acknowledged < self._sent
@@ -143,8 +142,8 @@ class Controller(ABC):
         return self._place
 
     def run(self, lines: Sequence[str], *, seconds: float) -> None:
-        """Send lines, and wait until all are acknowledged, after their moves. Raises StageError: an error, alarm, reset
-        or timeout, or moves that take too long."""
+        """Send lines, and wait until all are acknowledged, after their moves. Raises StageError: an error, reset or
+        timeout."""
         self.port.quiet(for_s=0.0)
         self.exchange(lines, seconds=seconds, silent_s=self.settings.answer_s)
 
@@ -215,8 +214,7 @@ class Controller(ABC):
             raise self.failed(f"the stage is at {actual} and not at {wanted}")
 
     def lift(self) -> None:
-        """Lift at rest to the travel height, or as far up if the position is unknown. Raises StageError: it could
-        not."""
+        """Lift at rest to the travel height, or as far up if the position is unknown. Raises StageError."""
         s = self.settings
         if self.lost:
             up = ["G91", f"G1Z{s.lift_mm:.3f}F{60.0 * s.rapid_mm_s:.0f}", "G90"]

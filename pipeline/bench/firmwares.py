@@ -170,8 +170,7 @@ class Marlin(Controller):
             self._name = answer.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]
 
     def stop(self) -> None:
-        """Quick stop and lift; without an answer M112, which leaves the tips where they are. Raises StageError: it was
-        halted."""
+        """Quick stop and lift; without an answer M112, which leaves the tips where they are. Raises StageError."""
         self.lost = True
         self.port.write(b"M410\n")
         try:

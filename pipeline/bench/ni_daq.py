@@ -23,8 +23,7 @@ class NiDaq:
     """The card."""
 
     def __init__(self, settings: DaqSettings) -> None:
-        """Make the task. Raises MissingExtraError: nidaqmx is not installed. StageError: driver or card is missing, or
-        refuses."""
+        """Make the task. Raises MissingExtraError: nidaqmx is not installed. StageError: no driver or card."""
         try:
             import nidaqmx
             from nidaqmx.constants import AcquisitionType
@@ -54,8 +53,7 @@ class NiDaq:
             self._task.start()
 
     def stop(self) -> Record:
-        """Stop sampling and return all samples. Raises StageError: the driver reports an error, such as overwritten
-        samples."""
+        """Stop sampling and return all samples. Raises StageError: the driver reports an error."""
         from nidaqmx.constants import READ_ALL_AVAILABLE
 
         with self._refusals_reported():

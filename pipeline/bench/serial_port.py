@@ -18,8 +18,7 @@ class SerialPort:
     """An open port."""
 
     def __init__(self, name: str, *, baud: int, what: str) -> None:
-        """Open the port, or socket://HOST:PORT, exclusively. Raises MissingExtraError: pyserial is missing.
-        StageError."""
+        """Open the port, or socket://HOST:PORT, exclusively. Raises MissingExtraError (pyserial), StageError."""
         try:
             import serial
         except ModuleNotFoundError as error:

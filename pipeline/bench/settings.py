@@ -122,8 +122,7 @@ class BenchSettings(Strict):
         return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
 
     def fitting(self, part_id: str = "") -> Fitting:
-        """The mounted comb, its speed, and its field in the plate's frame; the session supplies the gains. Raises
-        FileError."""
+        """The mounted comb, its speed, and its field in the plate's frame, without gains. Raises FileError."""
         height, path = self.comb.character_height_mm, self.comb.whisker
         built = None if path is None else read_whisker_file(path)
         return Fitting(

@@ -33,8 +33,7 @@ THRESHOLDS = (
 )  # fmt: skip
 """Scores from which readings may be accepted, strictest first; fixed before any part is read."""
 ALLOWED_WRONG = (2, 1, 0)
-"""Numbers of wrong readings at which the first tested threshold can still hold; the first that the sample allows is
-used."""
+"""Numbers of wrong readings at which the first tested threshold can still hold; the first possible one is used."""
 
 
 class Shown(StrEnum):

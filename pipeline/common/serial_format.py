@@ -17,8 +17,7 @@ _COMMENT = re.compile(r"(^|\s)#.*")
 
 
 def serial_format(settings: ReadSettings) -> Grammar | None:
-    """The grammar of the serials, if any. Raises FileError: no such lexicon. SettingsError: settings contradict each
-    other."""
+    """The grammar of the serials, if any. Raises FileError: no such lexicon. SettingsError: contradicting settings."""
     words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
     if not settings.format and words is None:
         return None
@@ -37,8 +36,7 @@ def outside_format(text: str, settings: ReadSettings) -> str:
 
 
 def read_lexicon(path: Path) -> frozenset[str]:
-    """The serials in a text file, one per line; a # at the start or after a blank begins a comment. Raises
-    FileError."""
+    """The serials in a text file, one per line; a # at the start or after a blank begins a comment."""
     with reading(path, most_bytes=_MAX_FILE_BYTES):
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()

@@ -44,8 +44,7 @@ _NUMBERS = ("<f4", "<f8")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exemplar(OneLine):
-    """One character measured by touch, and enrolled. Raises MarksError: not one character, no time, or an empty
-    relief."""
+    """One character measured by touch, and enrolled. Raises MarksError: not one character, no time, or no relief."""
 
     char: str
     font_name: str

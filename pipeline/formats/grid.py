@@ -236,8 +236,7 @@ MAX_PITCH_MM = 10.0
 
 
 def part_map(raw: RawMap, settings: MapSettings) -> Surface:
-    """The top of a part in mm, row 0 at the top, and the dirt on it, if stated. Raises MarksError: it cannot be
-    used."""
+    """The top of a part in mm, row 0 at the top, and the dirt on it, if stated. Raises MarksError: it is not usable."""
     if raw.z.ndim != 2 or min(raw.z.shape) < 2:
         raise DataError(*PROFILE)
     check_size(*raw.z.shape)

@@ -293,8 +293,7 @@ def _first_out_of_order(time_s: Floats, number: Floats, steps: Floats, *, restar
 
 
 def check_speed(*, step_mm: float, rate_hz: float, time_unit: str | None, position_unit: str) -> None:
-    """Check the speed of the stage. Raises DataError: it is impossible; the hint names the likely unit. `time_unit` is
-    None if the rate was stated."""
+    """Check the speed of the stage (`time_unit` is None for a stated rate). Raises DataError, with the likely unit."""
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:
         return

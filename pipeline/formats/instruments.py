@@ -46,8 +46,7 @@ _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kin
 
 
 def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of a file, through SurfaceTopography. Raises DataError: it cannot be used, or `formats` is
-    missing."""
+    """The heights of a file, through SurfaceTopography. Raises DataError: it cannot be used, or no `formats`."""
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)
     if len(head) == _LONGEST_LINE and not re.search(rb"[\0\n\r]", head):

@@ -120,8 +120,7 @@ def kind_of(head: bytes) -> PhotoKind | None:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a name is hidden, or one under which programs write before they rename it, or has another ending behind
-    that of a photograph, such as part.jpg.1."""
+    """Whether a name is hidden, one of unfinished files, or has another ending behind a photograph's, part.jpg.1."""
     stem, suffix = os.path.splitext(name.lower())
     longer = suffix not in PHOTO_SUFFIXES and os.path.splitext(stem)[1] in PHOTO_SUFFIXES
     return longer or _TEMPORARY.match(name) is not None

@@ -1,5 +1,4 @@
-"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out. Pillow decodes; OpenCV pictures of 16 bit,
-which Pillow would cut to 8."""
+"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out; by Pillow, and OpenCV for 16 bit."""
 
 from __future__ import annotations
 
@@ -66,8 +65,7 @@ def flatten_opacity(pixels: Decoded) -> tuple[Decoded, str]:
 
 
 def stretch(pixels: Decoded) -> Pixels:
-    """Stretch pixels of 16 bit to their full scale, a little beyond the percentiles but not beyond the least and
-    greatest values; 8 bit is unchanged."""
+    """Stretch pixels of 16 bit from a little below to a little above the percentiles; 8 bit is unchanged."""
     if pixels.dtype == np.uint8:
         return pixels.view(np.uint8)
     some = _some(pixels)
@@ -284,8 +282,7 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """Read heights from the pixels of a PNG or TIFF of 16 or 32 bits, without colours; the pitch is the pixel's size,
-    if stated."""
+    """Read heights from the pixels of a grey PNG or TIFF of 16 or 32 bits; the pitch is the pixel's size, if stated."""
     pitch_mm = None
     if (size := _size_of_doubles(path)) is not None:
         check_size(*size, most)

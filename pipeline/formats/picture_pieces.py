@@ -1,5 +1,4 @@
-"""Count the pieces of a picture file before a decoder works through them: millions of empty ones keep it busy for
-minutes."""
+"""Count the pieces of a picture file before a decoder works through them: millions of empty ones take minutes."""
 
 from __future__ import annotations
 

@@ -82,8 +82,7 @@ def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _check_ply(data: bytes, most: int) -> None:
-    """Check that the lines or bytes of a PLY file are about as many as its head declares, before trimesh makes
-    arrays."""
+    """Check that a PLY file has about as many lines or bytes as its head declares, before trimesh makes arrays."""
     end = data.find(b"end_header", 0, _MOST_HEAD_BYTES)
     if end < 0 or data.count(b"property", 0, end) > _MOST_PROPERTIES:
         raise DataError("is damaged or not a PLY file (its head does not end)", "copy or export it again")

@@ -62,8 +62,7 @@ def numbers_in(
 
 
 def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace infinities by NaN, in place, and the marker of missing points: the lowest or highest value, if frequent
-    and far from all others."""
+    """Replace infinities and the marker of missing points, a frequent extreme far from all others, by NaN, in place."""
     return _without_markers(z, _stands_for_missing)
 
 

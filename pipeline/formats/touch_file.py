@@ -34,8 +34,7 @@ _NAMED = {
 
 
 def read_height_map(path: str | Path, settings: MapSettings | None = None) -> HeightMap:
-    """Read the height map in a file by its suffix, in mm, row 0 at the top. Raises FileError: the file cannot be
-    used."""
+    """Read the height map in a file by its suffix, in mm, row 0 at the top. Raises FileError."""
     return read_part_map(path, settings).height_map
 
 
@@ -60,8 +59,8 @@ def read_part_map(
 
 
 def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
-    """Read the scan in a recording. Raises FileError: it cannot be used, has more than `most` samples, or, with `most`,
-    points to other files."""
+    """Read the scan in a recording. Raises FileError: it is damaged, has more than `most` samples, or links to
+    files."""
     import h5py
 
     from whisker_array.scan.recording import load_scan

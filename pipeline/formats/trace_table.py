@@ -232,8 +232,7 @@ def _tdms(path: Path, names: Columns) -> TraceTable:
 def _on_first_clock(
     columns: Mapping[Column, Floats], channels: Mapping[Column, Any], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
-    """Resample channels at the samples of the first one, over their common time; `states` hold their value until it
-    changes."""
+    """Resample channels at the samples of the first one, over their common time; `states` are not interpolated."""
     starts = {n: np.datetime64(c.properties.get("wf_start_time") or 0, "ns") for n, c in channels.items()}
     first, at_s = next(iter(channels)), {}
     for name, channel in channels.items():

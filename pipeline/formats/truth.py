@@ -186,8 +186,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 
 def load_expected(value: str, grammar: Grammar | None = None) -> str | PartTexts:
     """The value of `--verify`: a text of every part, or texts by part from a table (.csv, .xlsx or an existing file).
-    Raises FileError: the table is missing, or has a text that does not fit the grammar. SettingsError: the text does
-    not fit."""
+    Raises FileError: the table, or a text in it, is not usable. SettingsError: the text does not fit."""
 
     def broken(text: str) -> str:
         return "" if grammar is None else "; ".join(grammar.objections(text))

@@ -1,5 +1,4 @@
-"""Draw designs as charts: F against the wall's inclination, trade-offs, and stage seconds against the number of
-whiskers."""
+"""Draw designs as charts: F against the wall's inclination, trade-offs, stage seconds against whiskers."""
 
 from __future__ import annotations
 

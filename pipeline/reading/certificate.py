@@ -25,8 +25,7 @@ from recognition.decide.risk_text import risk_in_words
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
 _NOT_COVERED = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
-"""Settings that may differ from the certified ones. `rows` may not: like the orientation, it decides what may be
-accepted."""
+"""Settings that may differ from the certified ones. `rows` may not: like orientation, it decides on acceptance."""
 _FILES = ("database", "lexicon", "whisker")
 _AGAIN = "make a new one with: tactile-marks certify"
 
@@ -146,8 +145,8 @@ def valid_certificate(path: Path) -> Certificate:
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """Certified acceptance, of no sources if the settings are not the certified ones; None without a certificate.
-    Errors are those of `certificate_of`."""
+    """Certified acceptance, of no sources under other settings; None without a certificate. Errors:
+    `certificate_of`."""
     if settings.certificate is None:
         return None
     certificate = valid_certificate(settings.certificate)

@@ -17,8 +17,7 @@ LEAST_PARTS = 20  # on either side of a comparison
 
 @dataclass(frozen=True)
 class KindOfParts:
-    """Ascending values of each measure over some parts, or quantiles of many. Raises ValueError: not ascending or
-    finite."""
+    """Ascending values of each measure over some parts, or quantiles of many. Raises ValueError."""
 
     values: Mapping[Measure, tuple[float, ...]]
 
@@ -59,8 +58,8 @@ class Unlike:
 
 
 def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tuple[Unlike, ...]:
-    """Find the measures in which parts differ from a kind, lowest p-value first (`scipy.stats.ks_2samp`); none if there
-    are too few parts."""
+    """Find the measures in which parts, if enough, differ from a kind (`scipy.stats.ks_2samp`), lowest p-value
+    first."""
     from scipy.stats import ks_2samp
 
     differing = []

@@ -20,8 +20,7 @@ WINDOW = 200  # most recent parts that are compared; older ones would hide a rec
 
 
 def watch_of(settings: ReadSettings) -> DriftWatch | None:
-    """Make the watch of the parts that are read with these settings; None without a certificate. Errors:
-    `certificate_of`."""
+    """Make the watch of parts read with these settings; None without a certificate. Errors: `certificate_of`."""
     certificate = certificate_of(settings)
     return None if certificate is None else DriftWatch(certificate)
 

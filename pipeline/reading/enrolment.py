@@ -1,6 +1,5 @@
 """Learn from corrections: reviewed parts become exemplars, and exemplars a font of the glyph database. The font is
-rebuilt from all exemplars each time: neither the order of parts nor a part that is enrolled twice makes a
-difference."""
+rebuilt from all exemplars each time, so that the order of parts makes no difference."""
 
 from __future__ import annotations
 

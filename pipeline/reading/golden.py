@@ -21,8 +21,7 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
 
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     """Measure the state of the whiskers from a recording (.h5) of a part of known relief, a height map or the TOML of a
-    test piece, whose corner is the origin of the scan's frame. Raises FileError: either cannot be used, or they do not
-    fit."""
+    test piece, whose corner is the origin of the scan's frame. Raises FileError."""
     # imported here: the service itself does not measure, its workers do
     from pipeline.formats.whisker_file import heights_of_piece
     from whisker_array.identification.bench import WORN_TIP, Unknown

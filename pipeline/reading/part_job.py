@@ -283,8 +283,7 @@ def read_on_stage(job: PartJob, stage: SessionStage[Order], scan_order: Order) -
 
 
 def check_settings(settings: ReadSettings) -> None:
-    """Open the reader of these settings, to find errors before the next part. Raises OwnFileError: a file cannot be
-    used."""
+    """Open the reader of these settings, to find errors before the next part. Raises OwnFileError."""
     _own_reader(PartJob(settings=settings))
 
 

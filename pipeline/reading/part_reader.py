@@ -79,8 +79,7 @@ class PartReader:
         felt: ActiveReading | None = None,  # reading of its scan, if it was read during active touch
         notes: tuple[str, ...] = (),
     ) -> Reading:
-        """Load a part, read it, and verify its expected text, if any. Raises FileError. VerifyError: it cannot be
-        verified."""
+        """Load a part, read it, and verify its expected text, if any. Raises FileError, VerifyError."""
         evidence = self._evidence(part, expected, again, felt)
         return self.reader.decide(replace(evidence, expected=expected, notes=(*evidence.notes, *notes)))
 

@@ -28,9 +28,8 @@ MOST_KEPT = 8  # readers; the least recently used is evicted
 
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
-    """The reader for these settings and the present content of the files that they name. `after_photo`: scans cover
-    only the line that the camera saw, so that regions do not apply. Raises FileError, ValueError: as in
-    `open_reader`."""
+    """The reader for these settings and the content of their files. `after_photo`: scans cover only the line that the
+    camera saw, so that regions do not apply. Raises FileError, ValueError: as in `open_reader`."""
     # a file that is not there is reported when the reader is opened
     return _cached_reader(settings, tuple(map(stamp_if_there, files_of(settings))), after_photo)
 
@@ -88,8 +87,7 @@ def with_whisker_file(array: VirtualArray, path: Path) -> VirtualArray:
 
 
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
-    """Find the character height by reading the part: dirt makes bands of its own. Raises MarksError: no characters
-    found."""
+    """Find the character height by reading the part: dirt makes bands of its own. Raises MarksError: none found."""
     from recognition.reader import Reader
 
     reading = Reader().read(height_map, soil=soil)

@@ -67,8 +67,7 @@ def plan_of(
 def seen_region(
     vision: Reading, photo: Photo, *, height_mm: float | None
 ) -> tuple[float, float, float, float] | None:
-    """(x0, y0, x1, y1) around the line that the camera found, in the photograph's frame, mm; None if it is not
-    trusted."""
+    """(x0, y0, x1, y1) around the line that the camera found, in the photograph's frame, mm, if it is trusted."""
     if photo.pitch_mm is None or vision.trace.line is None or _mean_confidence(vision) < TRUSTED_SHARE:
         return None
     return _around(vision, photo, height_mm)[0]

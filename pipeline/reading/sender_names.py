@@ -16,9 +16,8 @@ EXPECTED = "expected"  # name of the text expected of a part, in errors beside t
 
 @contextlib.contextmanager
 def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
-    """Turn every problem into a file error with the sender's name for the file (the first, if an error names none), by
-    path. Raises FileError: a problem with one of the files. OwnFileError: with this machine. FaultError: a fault of
-    this program."""
+    """Turn every problem into a file error with the sender's name for the file (the first, if an error names none).
+    Raises FileError: one of the files. OwnFileError: this machine. FaultError: a fault of this program."""
     from recognition.decide.verify import VerifyError
 
     def without_folders(message: str) -> str:

@@ -1,5 +1,4 @@
-"""Warm up a worker by a clean part in the settings' format, so that its first part takes no longer than the next
-one."""
+"""Warm up a worker by a clean part in the settings' format, so that its first part takes no longer."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Certify a reader: read labelled parts as `read` does, and find the confidence from which readings may be accepted.
-The same command continues where it stopped."""
+"""Certify a reader: read labelled parts, resumably, and find the confidence from which readings may be accepted."""
 
 from __future__ import annotations
 

@@ -42,8 +42,7 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 class Journal(Generic[Stored]):
-    """Stored results of the parts of one run; each survives any end of the process, and one process has it at a time.
-    Methods that write raise FileError."""
+    """Stored results of the parts of one run, for one process at a time. Methods that write raise FileError."""
 
     kind: ClassVar[str]  # of run, in one word
     version: ClassVar[int] = 1
@@ -56,8 +55,7 @@ class Journal(Generic[Stored]):
         self, place: Path, description: Mapping[str, Any] | None, *, output: Path | None = None
     ) -> None:
         """Resume the journal, a file or in the folder of the run, or begin a new one; without a description, read any.
-        Raises FileError, which names the `output` (default: the journal): it is of another run, in use, or cannot be
-        used."""
+        Raises FileError, which names the `output` (default: the journal): it is of another run, or in use."""
         self.path = place / self.file if self.file else place
         self._output = output or self.path
         # a dataclass takes no configuration, a union with it does
@@ -141,8 +139,8 @@ class Journal(Generic[Stored]):
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
-        """Stream columns (name, kept, facts) of the first result of every part and then of its second one, or None,
-        those of `order` first."""
+        """Stream columns (name, kept, facts) of the first result of every part and of its second, those of `order`
+        first."""
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
             self._db.execute("delete from temp.asked")
@@ -277,8 +275,7 @@ def resumable(
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
-    """Rename a file of an earlier run to NAME~ and return that name; one with only a header is deleted. Raises
-    OSError."""
+    """Rename a file of an earlier run to NAME~ and return that name; one with only a header is deleted."""
     if not path.exists() or path.stat().st_size <= len(head):
         path.unlink(missing_ok=True)
         return None

@@ -59,8 +59,7 @@ class Row(NamedTuple):
 
 
 class RunJournal(Journal[ReadPart]):
-    """The results of one run, and the table (if `written`) that grows with them, for one thread at a time; `previous`
-    is the new name of a previous table."""
+    """The results of one run, and the table (if `written`) that grows with them, for one thread at a time."""
 
     kind: ClassVar[str] = "run"
     version: ClassVar[int] = 6
@@ -163,9 +162,8 @@ def export(
     order: Iterable[str],
     final: Callable[[ReadingRecord], ReadingRecord] = lambda record: record,
 ) -> None:
-    """Write the table of a run in order, with unnamed parts last, and end the run; names without a record are
-    skipped. `final` makes the record that is written from each stored one. Raises FileError; the same command
-    resumes the run."""
+    """Write the table of a run in order, unnamed parts last, by the records that `final` makes, and end the run. Raises
+    FileError; the same command resumes the run."""
     journal.close_table()
     with writing(journal.table):
         if journal.table.suffix.lower() == WORKBOOK:
@@ -220,8 +218,7 @@ class RunStore:
         self._store.close()
 
     def keep(self, part: PartFiles, read: ReadPart) -> bool:
-        """Store a part that could be read; whether it is new. Raises ValueError: an impossible text. FileError: a
-        picture."""
+        """Store a part that could be read; whether it is new. Raises ValueError: a text. FileError: a picture."""
         from pipeline.store.errors import MAX_TEXT, AlreadyDoneError, cleaned
         from pipeline.store.parts import IdempotencyKey
 

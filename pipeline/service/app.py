@@ -171,8 +171,7 @@ class Service:
         started_s: float | None = None,
     ) -> None:
         """Open store and folders, and start to warm up the workers; `started_s` is by the monotonic clock. Raises
-        StoreError. FileError: a folder, certificate or job cannot be used. SettingsError: settings contradict the
-        certificate or the jobs."""
+        StoreError, FileError: one cannot be opened. SettingsError: settings contradict the certificate or jobs."""
         self.settings = settings
         workers = workers or PoolSettings()
         machine = machine or Machine.of(workers.processes)

@@ -51,8 +51,7 @@ class ServiceError(MarksError):
 
 
 class Client:
-    """A connection to a service; threads may share it. Every request raises ServiceError if it is refused or times
-    out."""
+    """A connection to a service; threads may share it. Requests raise ServiceError: refused, or no answer in time."""
 
     def __init__(
         self,

@@ -266,8 +266,8 @@ class Intake:
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
-        """Do the work of a request once, however often it is sent; the same request waits for it meanwhile. Raises
-        Problem: the key is another request's."""
+        """Do the work of a request once; the same request waits for it meanwhile. Raises Problem: another request's
+        key."""
         if idempotency is None:
             return Received(await work())
         lock = self._locks.setdefault(idempotency.key, asyncio.Lock())

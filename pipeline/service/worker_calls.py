@@ -1,6 +1,5 @@
-"""Calls of worker processes: refused while the queue is full, repeated if a worker is lost. A job or glyph database
-that turns out to be unusable is remembered until `recheck` finds it usable again, once a minute at most if it is
-unchanged."""
+"""Calls of worker processes: refused while the queue is full, repeated if a worker is lost. An unusable job or glyph
+database is remembered until `recheck` finds it usable again."""
 
 from __future__ import annotations
 
@@ -127,8 +126,7 @@ class WorkerCalls:
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
     ) -> ReadPart:
         """Read a part in a worker, with the settings of its job; `felt_by` is the stage that feels it meanwhile. Raises
-        StageError: nothing could be felt. Problem: unusable files, a full queue, a lost worker. OwnProblem: an own
-        file."""
+        StageError: nothing was felt. Problem: unusable files, a full queue, a lost worker. OwnProblem."""
         async with self._note_fault(job, database):
             settings = await self._settings_with(database, job)
             part = replace(part, settings=settings, limits=self.limits)
@@ -138,8 +136,7 @@ class WorkerCalls:
             return await self.call(read_on_stage, part, *felt_by, tries=1)
 
     async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
-        """Call a function in a worker, again if that is lost. Raises Problem: full queue, unusable files, lost
-        workers."""
+        """Call a function in a worker, again if that is lost. Raises Problem: full queue, unusable files."""
         for lost in range(1, tries + 1):
             try:
                 return await self._call_once(function, *arguments)

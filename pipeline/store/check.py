@@ -1,5 +1,4 @@
-"""Check a store and its files for damaged, missing, changed or stuck items, while the service may run. It changes
-nothing."""
+"""Check a store and its files for damaged, missing, changed or stuck items, without changing anything."""
 
 from __future__ import annotations
 

@@ -113,8 +113,7 @@ class Database:
     @classmethod
     def open(cls, url: str, *, now: Callable[[], datetime] = _utc_now, as_it_is: bool = False) -> Self:
         """Open a database (sqlite:///file.db, postgresql://user:password@host/name) and bring its tables up to date, or
-        with `as_it_is` change nothing. Raises StoreError: it cannot be opened, or its version is not known (or older,
-        `as_it_is`)."""
+        with `as_it_is` change nothing. Raises StoreError: it cannot be opened, or is of another version."""
         parsed = _checked_url(url)
         shown = parsed.render_as_string(hide_password=True)
         with _store_errors(shown), contextlib.ExitStack() as held:

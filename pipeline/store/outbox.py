@@ -1,5 +1,4 @@
-"""Results waiting to be published: written with the part, leased by one dispatcher, removed when the receiver has them.
-None waits because a clock was set back."""
+"""Results waiting to be published: written with the part, leased by one dispatcher, removed on arrival."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ def lease(
     tx: Transaction, owner: str, target: str, *, lease_s: float, limit: int = 100
 ) -> tuple[Delivery, ...]:
     """Lease the deliveries to send now, untried ones first; for `lease_s` only the owner sends them. Only the oldest of
-    each part and target is given, so that order is kept, also among services. An owner gets its own leased deliveries
-    again."""
+    each part and target is given, so that order is kept, also among services."""
     # services on different machines share the database's clock; theirs may differ by more than a lease
     now = tx.execute(sa.select(sa.func.now())).scalar_one() if tx.postgresql else tx.now
     until, due, elder = outbox.c.leased_until, outbox.c.due_at, outbox.alias()

@@ -114,8 +114,7 @@ def add_part(
 
 
 def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
-    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: it was reviewed
-    meanwhile."""
+    """Add later readings of a part. Raises AlreadyDoneError: the key is taken. ConflictError: it was reviewed."""
     lock_serials(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
     _claim_key(tx, added.get("idempotency"), part_id)

@@ -59,8 +59,7 @@ class Outcome(Generic[T, R]):
 
 
 class Executor:
-    """Call a function for many tasks, about `workers` at once, in this process; subclasses use a pool or a cluster.
-    `remote` workers lack this machine's files."""
+    """Call a function for many tasks, about `workers` at once; `remote` workers lack this machine's files."""
 
     workers = 1
     remote = False

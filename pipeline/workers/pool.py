@@ -126,8 +126,7 @@ class WorkPool(Executor):
         first: bool = False,
     ) -> Future[Any]:
         """Let a worker call the function, before the waiting jobs with `first`; the future has its result, its
-        exception or WorkerLostError. `timeout_s` is that of the pool by default. Raises BusyError: full.
-        WorkerLostError: closed."""
+        exception or WorkerLostError. `timeout_s` is by default the pool's. Raises BusyError, WorkerLostError."""
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         try:

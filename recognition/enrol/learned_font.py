@@ -27,8 +27,7 @@ from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 FEWEST_SIBLINGS = 3
 """Least number of agreeing exemplars that need no comparison with a known font."""
 TRUSTED_LIKENESS = 0.94
-"""Least likeness of the nearest font to be the die's own: gothic worn to a third of its depth reaches 0.97, another
-maker's letters 0.9."""
+"""Least likeness of the nearest font to be the die's own: worn gothic reaches 0.97, another maker's letters 0.9."""
 OUTLINE_SHARE = 0.3
 """Share of the depth at which the outline is drawn."""
 RIM_HEIGHTS = 0.1

@@ -24,8 +24,7 @@ class ReliabilityBin:
 
 @dataclass(frozen=True)
 class Reliability:
-    """A reliability diagram: bins that are not empty, and the expected calibration error, the mean of |right -
-    confidence|."""
+    """A reliability diagram: bins that are not empty, and the expected calibration error, mean |right - confidence|."""
 
     bins: tuple[ReliabilityBin, ...]
     error: float

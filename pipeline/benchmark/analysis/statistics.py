@@ -100,8 +100,7 @@ def statistics_of(
     risks: Sequence[float] = (0.01, 0.001),
     baseline: str = "rapidocr photo",
 ) -> Statistics:
-    """Statistics of the trials of all parts and modes; errors are relative to those of the baseline, a public
-    reader."""
+    """Statistics of the trials of all parts and modes; errors are relative to those of the baseline."""
     trials = unperturbed(all_trials)
     facts = tuple(dict.fromkeys(t.given for t in trials))
     more = (GIVEN_FACTOR,) if len(facts) > 1 else ()

@@ -59,9 +59,8 @@ def sketch_part(
 
 @dataclass(frozen=True)
 class DesignedParts:
-    """Parts of a design; with `first`, so many of them, from each section in proportion. Raises FontError: a font is
-    missing or differs. FormatError: no serial can match. SettingsError: an invalid factor or light, or too few parts.
-    StampError."""
+    """Parts of a design; with `first`, so many of them, from each section in proportion. Raises FontError, FormatError,
+    StampError: they cannot be stamped. SettingsError: an invalid factor or light, or too few parts."""
 
     design: Design
     first: int | None = None

@@ -33,8 +33,7 @@ class ListedParts:
     @classmethod
     def of_files(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> ListedParts:
         """The parts of folders, globs or files whose text is in a table with the columns part and text. Raises
-        FileError: no table, or no row for any part. NothingFoundError: no part. SettingsError: the format or severity
-        is invalid."""
+        FileError: no table or row. NothingFoundError: no part. SettingsError: an invalid format or severity."""
         if condition.format:
             allowed_characters(condition.format)
         if (severity := condition.severity) is not None and not 0.0 <= severity <= 1.0:
@@ -58,8 +57,7 @@ class ListedParts:
 
     @classmethod
     def of_table(cls, table: Path) -> ListedParts:
-        """The parts of a CSV with the columns part and text; every other column is a factor. Raises FileError: it lacks
-        columns."""
+        """The parts of a CSV with the columns part and text; other columns are factors. Raises FileError."""
         known = []
         for number, line in enumerate(load_part_lines(table)):
             if column := next((name for name in _ANSWER_COLUMNS if name in line.others), ""):

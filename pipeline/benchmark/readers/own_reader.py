@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a reader to a part, accepted by itself or by its confidence, 0 to 1 (MarksError), from
-    `ACCEPTED_FROM`."""
+    """The answer of a reader to a part, accepted by itself or by its confidence, 0 to 1, from `ACCEPTED_FROM`."""
 
     text: str
     confidence: float = 0.0

@@ -26,9 +26,8 @@ _MOST_LEVELS = 8
 def write_comparison(
     before: Path, after: Path, folder: Path, *, executor: Executor | None = None
 ) -> tuple[str, tuple[Path, ...]]:
-    """Compare two folders of finished benchmarks, A and B, and write page and table. Returns the tables in Markdown
-    and the paths. Raises FileError: a folder holds no benchmark, or cannot be written. NotComparableError: as in
-    `changes`."""
+    """Compare two folders of finished benchmarks, A and B, and write page and table. Returns the tables in Markdown and
+    the paths. Raises FileError: a folder is not usable. NotComparableError: as in `changes`."""
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     compared = changes(old, new, (books[0].description, books[1].description))

@@ -1,5 +1,4 @@
-"""Charts of a benchmark's report, for screen and paper: accuracy against severity, risk against coverage,
-reliability."""
+"""Charts of a benchmark's report, for screen and paper."""
 
 from __future__ import annotations
 

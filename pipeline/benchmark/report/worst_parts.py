@@ -37,8 +37,7 @@ class WorstPart:
 
 
 def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
-    """Rank the parts: accepted with a wrong serial, then read worst by touch, then by the camera, else least
-    certain."""
+    """Rank the parts: accepted with a wrong serial, then read worst by touch, by the camera, else least certain."""
     by_part: dict[str, list[Trial]] = {}
     for trial in trials:
         by_part.setdefault(trial.part, []).append(trial)

@@ -48,8 +48,7 @@ def write_report(
     benchmark: Benchmark, trials: Sequence[Trial], folder: Path, *, certificate: Certificate | None = None,
     executor: Executor | None = None,
 ) -> tuple[str, tuple[Path, ...], Statistics]:  # fmt: skip
-    """Write the page, the tables and the figures; the executor draws the worst parts. Returns the tables in Markdown,
-    the paths, and the figures. Raises FileError."""
+    """Write page, tables and figures. Returns the tables in Markdown, the paths, and the figures. Raises FileError."""
     statistics = statistics_of(trials, benchmark.crossed)
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]

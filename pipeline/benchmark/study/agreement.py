@@ -114,8 +114,7 @@ class Agreement:
 
 def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list[Agreement]:
     """Compute all comparisons that the ratings and the truth by part allow. "Within" needs an appraiser with several
-    trials. "Between" and "pair" use the common parts. Raises ValueError: an appraiser did not rate every part equally
-    often."""
+    trials. "Between" and "pair" use the common parts. Raises ValueError: a part was not rated equally often."""
     for who, by_part in ratings.items():
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):
             raise ValueError(f"{who} did not rate every part equally often")

@@ -108,8 +108,7 @@ def run_benchmark(
     progress: Progress | None = None,
 ) -> list[Trial]:
     """Run the trials of every part that is not in the folder yet; return all, by part, facts, perturbation and mode.
-    Raises FileError: the folder holds another benchmark. ModeUnavailableError: a mode cannot run here.
-    SettingsError."""
+    Raises FileError: the folder is not usable. ModeUnavailableError: a mode cannot run here. SettingsError."""
     items = benchmark.parts.items()
     ways = ((item.condition, facts) for item in items for facts in item.given)
     for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):

@@ -47,8 +47,7 @@ class WebhookSender:
     """Post deliveries to a web address."""
 
     def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
-        """`timeout_s`: of one delivery, to the answer's end. Raises SettingsError: a whsec_ secret that is no
-        base64."""
+        """`timeout_s`: of one delivery. Raises SettingsError: a whsec_ secret that is no base64."""
         import httpx
 
         self._url, self._secret, self._timeout_s = settings.url, settings.secret, timeout_s

@@ -51,8 +51,7 @@ class ScanOrder:
         self, field_mm: tuple[float, float, float, float], *, camera_mm: tuple[float, float] | None = None
     ) -> dict[str, Any]:
         """Frame of a session for the order, as `FramedSession` takes it. `field_mm` is (x0, y0, x1, y1) of the stage on
-        the plate, `camera_mm` the camera's axis there (default: its middle). Raises StageError: the region is off the
-        field."""
+        the plate, `camera_mm` the camera's axis there (default: its middle). Raises StageError: off the field."""
         import numpy as np
 
         ends = np.reshape(field_mm, (2, 2))
@@ -125,8 +124,7 @@ class SimulatedStage:
     seed: int = 0
 
     def open(self, order: ScanOrder) -> StageSession:
-        """Mount the part's height map, its middle under the camera's axis. Raises StageError: no such part, or a map
-        that cannot be scanned there."""
+        """Mount the part's height map, its middle under the camera's axis. Raises StageError: it cannot be scanned."""
         from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.readers import virtual_array
         from pipeline.reading.scan_plan import FramedSession

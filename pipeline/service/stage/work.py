@@ -70,8 +70,8 @@ class StageWork:
 
     @contextlib.asynccontextmanager
     async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker during a call. Raises StageDownError: it does not answer. StageError: the part may
-        no longer lie under the whiskers."""
+        """Lend the stage to a worker during a call. Raises StageDownError: no answer. StageError: the part may be
+        gone."""
         if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
@@ -151,9 +151,8 @@ class CameraWork:
     async def take(
         self, name: str, folder: Path, *, known: Callable[[Iterable[str]], Collection[str]]
     ) -> CameraPictures:
-        """Photograph the part of that name, and copy the photographs into the folder. `known` finds those of some
-        pictures' keys that already belong to a part. Raises StageDownError: no answer. StageError: no photograph.
-        OSError: it cannot be read."""
+        """Photograph the part of that name, and copy the photographs into the folder. `known` finds keys of pictures
+        that already belong to a part. Raises StageDownError: no answer. StageError: no photograph. OSError."""
         camera = self._camera
         if camera is None:
             raise StageError("this service has no camera", "send a photograph of the part instead")

@@ -1,5 +1,4 @@
-"""Access control: tokens with scopes, required of every caller but the user that runs the service (of a socket on this
-machine, on Linux)."""
+"""Access control: tokens with scopes, required of every caller but the user that runs the service (on Linux)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Problems of requests, by RFC 9457: whatever fails becomes one in `problem_of`, for HTTP, trigger ports and the
-watched folder alike."""
+"""Problems of requests, by RFC 9457: whatever fails becomes one in `problem_of`, for every kind of input."""
 
 from __future__ import annotations
 

@@ -67,8 +67,7 @@ class DrainingServer(uvicorn.Server):
 
 
 class Room:
-    """Open connections, limited in all and, but for `proxies`, from one address; the longest idle of the busiest
-    goes."""
+    """Open connections, limited in all and, but for `proxies`, by address; the longest idle of the busiest goes."""
 
     def __init__(self, *, an_address: int, most: int = MOST_CONNECTIONS, proxies: Sequence[str] = ()) -> None:
         self._an_address, self._most, self._proxies = an_address, most, proxies
