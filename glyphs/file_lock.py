@@ -14,11 +14,8 @@ _AGAIN_S = 0.05
 
 @contextlib.contextmanager
 def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
-    """Hold a lock file while the block runs; it is created if missing, and left in place.
-
-    Threads exclude each other like processes, because each call opens the file. A system with neither fcntl nor msvcrt
-    runs one process only, and nothing is locked there. Raises OSError.
-    """
+    """Hold a lock file while the block runs; it is created if missing, and left in place. Threads exclude each other
+    like processes. Without fcntl and msvcrt nothing is locked. Raises OSError."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o600)
     try:
         while not (held := _try_lock(handle, wait=wait)) and wait:

@@ -1,8 +1,4 @@
-"""Cache of compiled kernels on disk: numba's cache with a digest of each kernel.
-
-Damaged files are deleted and their kernels compiled again. If no folder is writable, kernels are compiled at every
-start.
-"""
+"""Cache of compiled kernels on disk: numba's cache with a digest of each kernel; damaged ones are compiled again."""
 
 from __future__ import annotations
 

@@ -1,8 +1,5 @@
-"""OpenCV with a check of its installation: `from glyphs.opencv import cv2` in place of `import cv2`.
-
-All OpenCV packages install into the same folder `cv2`, and the extra `vision` brings a second package. The package
-installed last works. But removing either one deletes files of the other, and the rest imports as an empty folder.
-"""
+"""OpenCV with a check of its installation: `from glyphs.opencv import cv2` in place of `import cv2`. Removing one of
+two OpenCV packages deletes files of the other, and the rest imports as an empty folder."""
 
 from __future__ import annotations
 

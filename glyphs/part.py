@@ -2,8 +2,7 @@
 
     text, font, die --stamp_line--> StampedPart --soil_part--> SoiledPart --photograph--> Photo
 
-Stamping, dirt and photograph use separate random streams, so that the same part can be clean or dirty and be seen in
-different lights.
+Separate random streams, so that the same part can be clean or dirty and be seen in different lights.
 """
 
 from __future__ import annotations
@@ -86,10 +85,8 @@ class Part:
         pixel_mm: float = DEFAULT_PIXEL_MM,
         lights: int = 1,
     ) -> Photo:
-        """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt.
-
-        Of several `lights`, at even angles all round, those after the first become its `others`. Raises MapError.
-        """
+        """Take a picture of the part; by default light and camera are drawn at random, independent of the dirt. Of
+        several `lights`, at even angles all round, those after the first become its `others`. Raises MapError."""
         rng = self._rng(_PHOTO_STREAM)
         drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)
         camera_drawn = draw_camera(rng, pitch_mm=pixel_mm)

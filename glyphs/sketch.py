@@ -2,9 +2,7 @@
 
     text --outlines--> ink --profile of the tool--> marks --plate, dirt, wear--> surface
 
-Sketches share no code with `glyphs.stamping` and are a hundred times as cheap. Networks are trained on sketches
-with their own dirt (`recognition.learning.sketches`); an exam uses clean sketches, on which any soil can be put
-(`pipeline.benchmark.exam.designed_parts`).
+Sketches share no code with `glyphs.stamping` and are a hundred times as cheap; networks are trained on them.
 """
 
 from __future__ import annotations

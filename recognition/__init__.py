@@ -1,7 +1,6 @@
 """Read a part by touch, by photographs, or by both.
 
 `Reader` reads a part in one call; the names below are the vocabulary (listed in `__init__.pyi`, loaded on first use).
-
 The rooms in the order in which a part walks through them::
 
     see          what is looked at: a scan, a height map or a photograph as layers on one grid
@@ -11,9 +10,7 @@ The rooms in the order in which a part walks through them::
     marks        poses, strokes, depths and grades of the characters
     decide       evidence --> text, score and findings --> a Reading: accept, review or reject
 
-`touch`, `surface` and `camera` make the evidence of a part, and `reader` decides on it. `language` has the formats,
-`settings` the settings, `active` touch that chooses its passes, `enrol` the shapes of a die that parts teach, and
-`learning` the training of the networks.
+`touch`, `surface` and `camera` make the evidence of a part, and `reader` decides on it.
 """
 
 import lazy_loader

@@ -17,8 +17,7 @@ class Photo(OneLine, Validated, error=MapError):
     """A photograph, row 0 at the top. Raises MapError.
 
     Attributes:
-        pixels: (rows, cols) or (rows, cols, 3) uint8 or uint16, read-only; colours are red, green, blue, and the
-            largest number of the type is white.
+        pixels: (rows, cols) or (rows, cols, 3) red, green, blue; uint8 or uint16, read-only.
         pitch_mm: size of a pixel on the part, if known.
         centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
         shrunk: width of a pixel in pixels of the original photograph, if it was reduced and the pitch is unknown.

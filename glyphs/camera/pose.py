@@ -1,8 +1,5 @@
-"""Pose of a camera over a plate, and its optical errors.
-
-Nominally the camera's axis meets the middle of the plate and its rows run along x. In fact the part is slightly
-shifted, rotated and tilted; only the simulator knows by how much.
-"""
+"""Pose of a camera over a plate, and its optical errors: nominally its axis meets the middle of the plate and its rows
+run along x; in fact the part is slightly shifted, rotated and tilted."""
 
 from __future__ import annotations
 

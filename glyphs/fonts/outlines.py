@@ -1,8 +1,5 @@
-"""Sources of glyphs: the built-in gothic, Hershey's engraving letters, and TrueType or OpenType files.
-
-Of the Hershey fonts, `rowmans`, `rowmand` and `rowmant` are left out: in the package's data they are the same
-strokes as `futural`, `futuram` and `timesrb` for every letter and figure.
-"""
+"""Sources of glyphs: the built-in gothic, Hershey's engraving letters, and TrueType or OpenType files. `rowmans`,
+`rowmand` and `rowmant` are left out: their strokes are those of `futural`, `futuram` and `timesrb`."""
 
 from __future__ import annotations
 

@@ -30,11 +30,9 @@ class IdealGlyph(OneLine):
 
 
 def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
-    """The shape that the die cuts: centre lines refitted to its stroke, and for DOTTED a row of dots.
-
-    Dots sit at the ends and corners of every stroke and evenly between them, about `dot_pitch_mm` apart. Raises
-    StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke wider than the glyph is high.
-    """
+    """The shape that the die cuts: centre lines refitted to its stroke, and for DOTTED dots at the ends and corners of
+    every stroke and evenly between, about `dot_pitch_mm` apart. Raises StampError: DOTTED with an outlined glyph (its
+    strokes are not known), or a stroke wider than the glyph is high."""
     require_positive(StampError, height_mm=height_mm)
     stroke = die.stroke_mm / height_mm
     if glyph.contours:

@@ -22,8 +22,7 @@ from glyphs.stamping.errors import StampError
 from glyphs.surface.display import OneLine
 
 MAX_SAG_MM = 3.0
-"""Greatest rise or fall of a form from the middle to an edge: the limit of whiskers on a straight rail and of a
-camera's depth of field."""
+"""Greatest rise or fall of a form from the middle to an edge: the limit of whiskers on a rail and of depth of field."""
 _STEEPEST = 0.9
 """Greatest half width over the radius: slopes of up to 64 degrees at the edge."""
 

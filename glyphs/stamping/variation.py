@@ -80,11 +80,8 @@ class StampingVariation(OneLine, Validated, error=StampError):
 
     @classmethod
     def hand(cls) -> StampingVariation:
-        """Single stamps, held by hand and struck with a hammer one after the other.
-
-        Gaps, tilts and rotations are about twice those of a holder, blows differ in force, and the baseline jumps where
-        the hand is set down again.
-        """
+        """Single stamps, held by hand and struck with a hammer: gaps, tilts and rotations are about twice those of a
+        holder, blows differ in force, and the baseline jumps where the hand is set down again."""
         return cls(
             depth_fraction=0.2,
             tilt_fraction=0.25,

@@ -11,11 +11,8 @@ Field = NDArray[np.float32]
 def smooth_noise(
     shape: tuple[int, int], *, pitch_mm: float, length_mm: float, rng: np.random.Generator
 ) -> Field:
-    """Gaussian noise of mean 0 and variance 1 whose autocorrelation falls to 1/e at `length_mm`.
-
-    Made in the frequency domain, so the cost does not depend on the length; 0 gives white noise. The field is periodic
-    on a grid somewhat larger than the requested one.
-    """
+    """Gaussian noise of mean 0 and variance 1 whose autocorrelation falls to 1/e at `length_mm`; 0 gives white noise.
+    The field is periodic on a grid somewhat larger than the requested one."""
     from scipy import fft
 
     # a margin, so that opposite edges of the part do not match

@@ -21,10 +21,9 @@ def plate_normal(
 ) -> Points | None:
     """Unit normal of a plate, towards its outside; None if the points have no thin direction.
 
-    The third principal axis, of the points within three robust standard deviations of the plane (pieces of a table or
-    a clamp are left out). A scanner's z points at the scanner, so the outside is where z is positive. On a plate that
-    stands upright, the positive side of the axis nearest to its normal is the outside: programs with y upwards export
-    a plate so.
+    The third principal axis, of the points within three robust standard deviations of the plane. A scanner's z points
+    at the scanner, so the outside is where z is positive; for an upright plate, the positive side of the axis nearest
+    to its normal, as programs with y upwards export it.
     """
     inlier = np.ones(len(points), dtype=np.bool_)
     for _ in range(rounds):

@@ -3,9 +3,8 @@
     session --feel--> passes so far --edge map--> view --look--> posterior --sure? no gain?--> stop
                            ^-------------------- next step <------------------'
 
-A look is a quick reading of some 50 milliseconds. If it is sure, a full reading makes the decision, as for any scan. A
-look may miss what a full reading sees, because it has fewer experts and only follows one line. So a full reading is
-also made after every few unsure looks, and before giving up. Later looks follow the line that it found.
+A look is a quick reading of some 50 milliseconds. A full reading, which has more experts, is made if a look is sure,
+after every few unsure looks, and before giving up. Later looks follow the line that it found.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ from whisker_array.whisker.array import LINES_PER_HEIGHT
 MARGIN_HEIGHTS = (0.8, 0.5)
 """Margin of land to feel around a found line, along it and across it, character heights."""
 FIRST_LOOK_DOUBT = 0.1
-"""A single look triggers a full reading only if its doubt is below this share of the doubt allowed for acceptance.
-With few scan lines a look may be sure of a wrong text, but seldom twice."""
+"""Share of the doubt allowed for acceptance below which a single look triggers a full reading: it is seldom wrong
+twice."""
 LOOKS_PER_READING = 4
 """Number of looks between two full readings if no look is sure: a full reading takes as long as four looks."""
 TOUCHABLE = (
@@ -73,14 +72,8 @@ class ActiveSettings(OneLine):
 
 
 class ActiveReader:
-    """Reader that chooses each pass over a part on a stage.
-
-    Example::
-
-        session = open_session(part.height_map, height_mm=5.0)
-        found = ActiveReader(Reader(format="AA999999").touch).read(session)
-        print(found.describe())
-    """
+    """Reader that chooses each pass over a part on a stage:
+    `ActiveReader(Reader(format="AA999999").touch).read(session)`."""
 
     def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
         self.reader = reader

@@ -2,9 +2,8 @@
 
     chance = 1 / (1 + exp(-z)),   z = way + new + slope lines/16 + a s + b s^2 + c log2(looks)
 
-s is the logarithm of the best confidence of the last three looks, scaled: 0 at a confidence of 1e-4, 1 at 1. It matters
-most. Many looks without success, and many lines of a way already felt, show that further steps will bring nothing. The
-coefficients are in `gain.fit.json`. `python tests/benchmarks/fit_gain.py` fits them on simulated parts that are felt by
+s is the logarithm of the best confidence of the last three looks, scaled: 0 at a confidence of 1e-4, 1 at 1. The
+coefficients are in `gain.fit.json`; `python tests/benchmarks/fit_gain.py` fits them on simulated parts that are felt by
 steps drawn at random.
 """
 

@@ -1,8 +1,5 @@
-"""The line that is being scanned: its position and posterior, updated after every step.
-
-Reading a line once takes a few milliseconds, a full reading hundreds. So that the stage need not wait, a look reads the
-line only at its last position and at one variant of it, another each time.
-"""
+"""The line that is being scanned: its position and posterior, updated after every step. So that the stage need not
+wait, a look reads the line only at its last position and at one variant of it, another each time."""
 
 from __future__ import annotations
 

@@ -3,8 +3,7 @@
     exemplars of K --laid over each other, odd ones set aside, median--> relief of K --contour--> outline of K
     no exemplar of Q --the known font that comes nearest, widened, emboldened, struck as deep, softened--> a guess at Q
 
-The relief is what templates are predicted from, by the same physics as for any other font: other whiskers, turned
-lines and raised marks follow by themselves. The outline serves whatever draws the font.
+Templates are predicted from the relief, by the same physics as for any other font; the outline serves drawing.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ RIM_HEIGHTS = 0.1
 SPECK_HEIGHTS = 0.05
 """Side of a patch too small to be ink."""
 AGREEMENT, FALL = 0.75, 0.08
-"""Least correlation of a relief with its siblings, and greatest shortfall from their usual one: blows
-of one die reach 0.93 to 0.99, worn or soiled ones less, look-alikes (O and 0) 0.9 at most."""
+"""Least correlation of a relief with its siblings, and greatest shortfall from their usual one: blows of one die reach
+0.93 to 0.99, worn or soiled ones less, look-alikes (O and 0) 0.9 at most."""
 SHIFT_PIXELS, TURNS_DEG = 3, (-3.0, -1.5, 0.0, 1.5, 3.0)
 WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)
 GROWTHS, SOFTNESSES = (-0.03, -0.015, 0.0, 0.015, 0.03, 0.045, 0.06), (0.0, 0.015, 0.03, 0.05, 0.08)
@@ -99,15 +98,9 @@ def learn_font(
     known: Sequence[Font],
     vouching: bool = True,
 ) -> Learned:
-    """Learn a font from exemplars.
-
-    Raises ExemplarError: no known font, exemplars of different sizes, or none with a mark on it; without vouching, no
-    character with enough exemplars that agree.
-
-    Args:
-        reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
-            not known (`recognition.enrol.exemplars.Cut.relief`).
-    """
+    """Learn a font from (n,) reliefs, heights over the land in character heights, of one size, NaN where not known
+    (`recognition.enrol.exemplars.Cut.relief`). Raises ExemplarError: no known font, exemplars of different sizes or
+    without a mark; without vouching, no character with enough exemplars that agree."""
     if not known:
         raise ExemplarError("no known font is given", hint="name one for the characters never felt")
     if len({np.shape(r) for r in reliefs}) > 1:

@@ -1,8 +1,7 @@
 """Find the line of characters with the best score: a chain of non-overlapping windows.
 
-The reward of a character is its width times (score^2 - threshold^2): what it explains beyond chance. A stroke of an H
-that is mistaken for an I earns little; the H explains both stems and the bar, and earns more. A format fixes the number
-of characters and those allowed at each place, inside the search, not afterwards.
+The reward of a character is its width times (score^2 - threshold^2): a stroke of an H that is mistaken for an I earns
+little; the H explains both stems and the bar. A format fixes the number of characters inside the search.
 """
 
 from __future__ import annotations

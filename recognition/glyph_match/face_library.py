@@ -1,8 +1,5 @@
 """The library of faces: prototypes of many faces, so that the shapes of characters count although no font is named.
-
-`python -m recognition.learning.face_library FONTS` chooses the faces and predicts them at the canonical height: by the
-default touch, and under five lamps. Names and licences of their files are in `face_library.fit.json`.
-"""
+`python -m recognition.learning.face_library FONTS` chooses and predicts them; `face_library.fit.json` lists them."""
 
 from __future__ import annotations
 

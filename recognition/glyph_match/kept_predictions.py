@@ -3,8 +3,7 @@
     outlines, die, touch or lamps, program --digest--> predicted-DIGEST.npz --there?--> arrays
                                                             '--no: predicted, and written--'
 
-A damaged file is predicted again. If the files grow too large, the least recently used are removed. If nothing can be
-written, every process predicts its fonts.
+The least recently used files are removed. If nothing can be written, every process predicts its fonts.
 """
 
 from __future__ import annotations

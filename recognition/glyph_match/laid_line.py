@@ -3,9 +3,8 @@
     text as read --fit a pose to each character--> smooth poses along the line
     doubtful place --fit each likely character about the smooth pose--> likelihoods
 
-The recogniser and its prototypes use the same network layers, and so make the same errors. Depths compared sample by
-sample make other errors: a scratch is not the tail of a Q if the font has its tail elsewhere. They help only if the
-font, the height and the places are known well. So the poses along the line are first estimated from sure characters.
+Depths compared sample by sample make other errors than the recogniser: a scratch is not the tail of a Q if the font has
+its tail elsewhere. They help only if the font, the height and the places are known well.
 """
 
 from __future__ import annotations

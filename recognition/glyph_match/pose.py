@@ -3,9 +3,8 @@
     felt depth                 predicted depth, moved, turned, sized        what is left
     .. 0 8 9 9 7 0 ..    -     ..  0 9 9 9 9 0 ..  x depth + a plane   =    noise, or dirt
 
-A sample is either as predicted, with noise, or it has no information, because of dirt or a scratch. So a missing
-stroke, or a groove that the character does not have, counts against the character only up to a limit. The logarithm of
-this mixture's likelihood, summed over the samples of a place, compares characters with each other.
+A sample is either as predicted, with noise, or it has no information, because of dirt or a scratch: a missing stroke
+counts against a character only up to a limit. The logarithm of this mixture's likelihood compares characters.
 
 A pose is a vector of nine numbers:
 

@@ -49,8 +49,7 @@ CANONICAL_HEIGHT_MM = 5.0
 PIXELS = 40
 """Template pixels per character height."""
 MOST_SETS = 26
-"""Template sets that a reader keeps: each takes some 15 MB with its derived values, together less than 1 GB. Loading
-one from the disk takes 10 ms, predicting it 0.5 s."""
+"""Template sets that a reader keeps, 15 MB each; loading one from the disk takes 10 ms, predicting it 0.5 s."""
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,10 @@
     font --plate, touch or lamp--> strip --recogniser's middle--> features --window of a character, map--> prototypes
     part --the same--------------> strip --recogniser's middle--> features --window of a place, map------> cosines
 
-The recogniser was trained on lines with dirt, wear and different lights. Therefore a dirty mark and the predicted clean
-one have similar features, although their maps differ. Nothing is trained for a font, so a new one works as well as a
-known one. A cosine is computed over the window of the prototype's ink and all features. Each feature is normalised by
-its mean and spread along predicted plates.
-
-A window has 19,584 features. A linear map, the principal components of many faces, keeps what distinguishes characters.
+The recogniser was trained on lines with dirt, wear and different lights, so a dirty mark and the predicted clean one
+have similar features. Nothing is trained for a font. Each feature is normalised by its mean and spread along predicted
+plates. Of the 19,584 features of a window a linear map, the principal components of many faces, keeps what
+distinguishes characters.
 """
 
 from __future__ import annotations
@@ -35,8 +33,8 @@ from recognition.see.text_line import HEIGHT_ROWS, MARGIN
 from recognition.see.view import View
 
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
-"""Lights of predicted photographs: lamps from four sides, and a high one. Of 100 soiled photographs 41
-are accepted with all of them, and 38 with the high one alone."""
+"""Lights of predicted photographs: lamps from four sides, and a high one (of 100 soiled ones 41 are accepted, 38 by
+it)."""
 HALF_STEPS = 8
 """Steps of features on either side of a character's middle: as wide as a W."""
 STEPS = 2 * HALF_STEPS + 1

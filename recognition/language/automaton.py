@@ -32,12 +32,8 @@ MOST_STATES = 100_000
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """One rule as a state machine over the characters of texts of one length.
-
-    Attributes:
-        table: of a place, (states, C): the next state of each state and character; -1 where not allowed.
-        accepts: (states,) whether the text may end in this state.
-    """
+    """One rule as a state machine over the characters of texts of one length: `table` of a place (states, C) has the
+    next state of each state and character, -1 where not allowed; `accepts` (states,) whether the text may end there."""
 
     table: Callable[[int], Places]
     accepts: NDArray[np.bool_]

@@ -1,8 +1,4 @@
-"""Sets of characters that are easily confused, and the state of each place.
-
-The sets change no probability. They show a person what to look at, and separate confused places from places that were
-not read.
-"""
+"""Sets of characters that are easily confused, and the state of each place, for people: they change no probability."""
 
 from __future__ import annotations
 
@@ -97,10 +93,8 @@ def state_of(
     share_of_first: float = 0.25,
     mismatch_share: float = 0.1,
 ) -> PlaceState:
-    """Return the state of a place; `expected` is "" where no character is. Raises ValueError.
-
-    The rest of the probabilities to 1 is "no character"; in a tie the first wins.
-    """
+    """Return the state of a place; `expected` is "" where no character is. The rest of the probabilities to 1 is "no
+    character"; in a tie the first wins. Raises ValueError."""
     total = math.fsum(probabilities.values())
     if not total <= 1.0 + 1e-6 or any(not p >= 0.0 for p in probabilities.values()):
         raise ValueError(

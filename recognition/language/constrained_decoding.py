@@ -9,11 +9,8 @@
     N    = product of (a_i + r_i) - product of a_i    at least one place has no character
     probability of s = w(s) / (Z + N)
 
-The best *allowed* string is found, not the best string checked afterwards, and Z is exact: see `automaton`. N is
-exact for formats and sets; otherwise it is an upper bound, because it also counts combinations of characters that are
-not allowed together. Strings that are not allowed have probability 0: the format is assumed to hold. The lattice's own
-probability of the format is the valid mass, Z: if it is small, the line probably has another text. A string deserves
-more trust if few are allowed (a check digit holds by chance in 1 of 37); this is left out, to be safe.
+The best *allowed* string is found, and Z is exact: see `automaton`. N is exact for formats and sets; otherwise it is an
+upper bound. The format is assumed to hold; its own probability by the lattice is the valid mass, Z.
 """
 
 from __future__ import annotations

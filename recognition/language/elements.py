@@ -4,9 +4,9 @@ r"""Text elements and application identifiers as formats: markings whose fields 
     fields:MFR/SER AA999999           MFR 0AB12/SER KB740215  several in a line; a mask narrows a value
     fields:(01)(17)(21)AA999999       (01)09501101530003(17)271231(21)KB740215   GS1, in its human-readable form
 
-They become a regular expression, the check digits that are prescribed, and blanks after names. GS1: General
-Specifications 3.2; fields of type X..20 take only A-Z, 0-9 and - . / unless a mask allows others. Text elements:
-lengths of the DoD Guide to Uniquely Identifying Items (part number 32, serial 30, lot 20, UII 50, DUNS 9, CAGE 5).
+GS1: General Specifications 3.2; fields of type X..20 take only A-Z, 0-9 and - . / unless a mask allows others. Text
+elements: lengths of the DoD Guide to Uniquely Identifying Items (part number 32, serial 30, lot 20, UII 50, DUNS 9,
+CAGE 5).
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Formats of serials: masks, expressions, sets for each place, lexicons and check digits, alone or together.
-
-As text: see `recognition.language.format_text`.
-"""
+"""Formats of serials, alone or together; as text: see `recognition.language.format_text`."""
 
 from __future__ import annotations
 
@@ -31,15 +28,9 @@ MOST_WORDS = 100_000
 
 @dataclass(frozen=True)
 class Grammar:
-    """Prior knowledge of a serial; a field that is None or empty sets no limit.
-
-    Raises FormatError: an invalid part, or parts that no serial meets together.
-
-    Attributes:
-        format: as in `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
-        exclude: characters that do not occur, except where the format has them literally.
-        alphabet: characters allowed where no other field lists them (`.` in an expression).
-    """
+    """Prior knowledge of a serial; a field that is None or empty sets no limit. `exclude` does not hold for literals of
+    the format; the `alphabet` holds where no other field lists characters. Raises FormatError: an invalid part, or
+    parts that no serial meets together."""
 
     format: str | None = None
     expression: str | None = None

@@ -13,12 +13,8 @@ from recognition.language.box import Box, hull
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lattice(OneLine):
-    """Posteriors of the characters at each place. Raises ValueError.
-
-    Attributes:
-        log_belief: (places, C) natural logarithms of probabilities, -inf for 0. A row sums to at most 1; the rest is
-            the probability that no readable character stands there.
-    """
+    """Posteriors of the characters at each place, (places, C) natural logarithms of probabilities; the rest of a row to
+    1 is the probability that no readable character stands there. Raises ValueError."""
 
     chars: tuple[str, ...]
     log_belief: NDArray[np.float64]

@@ -26,8 +26,7 @@ VIN_VALUES = dict(
 )
 """49 CFR 565.15 table III."""
 VIN_CHECKED = "12345L"
-"""First characters of the regions whose rules ask for the check digit: North America and China (ISO 3780). Elsewhere
-the ninth place is free, as ISO 3779 leaves it, and many makers fill it with a Z."""
+"""First characters of the regions whose rules ask for the check digit: North America and China (ISO 3780)."""
 
 Remainders = NDArray[np.int64]
 
@@ -50,10 +49,8 @@ class Remainder:
 def pure_system(
     modulus: int, radix: int, alphabet: str, *, supplementary: str = "", check_figures: int = 0
 ) -> Remainder:
-    """ISO 7064 pure system: r -> (r radix + value) mod M, valid if it ends at 1.
-
-    The `supplementary` character is only the check character; mod 97-10 has two check figures, others (0) one.
-    """
+    """ISO 7064 pure system: r -> (r radix + value) mod M, valid if it ends at 1. The `supplementary` character is only
+    the check character; mod 97-10 has two check figures, others (0) one."""
 
     def step(char: str, place: int, n_places: int) -> Remainders | None:
         if char == supplementary and place != n_places - 1:

@@ -1,8 +1,5 @@
-"""Augmentation of strips beyond the models of parts and scans.
-
-Strips are cropped again with another position, size, slant and bend, and widened as for reading. Scan lines and
-directions are dropped, spots are hidden or raised, and brightness is inverted.
-"""
+"""Augmentation of strips: another crop, size, slant and bend, dropped scan lines and directions, hidden or raised
+spots, inverted brightness."""
 
 from __future__ import annotations
 

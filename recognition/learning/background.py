@@ -4,9 +4,7 @@
 
     draw_data --> FOLDER/data/strips --> train --> FOLDER/recogniser.onnx, .pt, log
 
-One process draws parts and sketches, another learns from what is there. Both run only while the processor is idle.
-Everything is kept in FOLDER. When it is started again, what was drawn is not drawn again, and training goes on from
-its last saved state.
+Started again, it draws nothing twice, and training goes on from its last saved state.
 """
 
 from __future__ import annotations

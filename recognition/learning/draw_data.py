@@ -2,9 +2,8 @@
 
     python -m recognition.learning.draw_data FONTS ... --out DATA --parts 9000 --sketches 30000 --held-out 200 --jobs 2
 
-FONTS are folders. DATA then has `strips/seen`, `strips/sketched`, `strips/held`, `views/seen` and `views/held`, with a
-file for every `PARTS_OF_A_FILE` parts or lines. Existing files are not drawn again. A process draws some three parts or
-25 sketched lines a second.
+DATA then has `strips/seen`, `strips/sketched`, `strips/held`, `views/seen` and `views/held`. Existing files are not
+drawn again. A process draws some three parts or 25 sketched lines a second.
 """
 
 from __future__ import annotations

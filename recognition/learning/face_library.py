@@ -5,9 +5,8 @@
 
     fonts --photograph, high lamp--> features --similarity of faces--> medoids --touch, five lamps--> prototypes
 
-A face is as similar to another as the mean cosine of their characters. Faces are chosen one by one, each the one that
-brings all fonts nearest to a chosen one, and then exchanged while that helps. So the first 10 or 40 of the library are
-a smaller library.
+A face is as similar to another as the mean cosine of their characters. Faces are chosen one by one and then exchanged,
+so that the first 10 or 40 of the library are a smaller library.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""The recogniser's network: a strip of a line in, posteriors along it out.
+"""The recogniser's network: a strip of a line in, posteriors along it out. Training needs torch (extra `train`).
 
-    strip (LAYERS, ROWS, W) -> normalise -> 1x1, three channels -> 1.2 times as large -> body of PP-OCRv6 -> head
-        -> a step for every 20 / 3 columns
-
-The network itself normalises the layers, so training and reading cannot differ there. Training needs torch (extra
-`train`); reading needs onnxruntime alone.
+strip (LAYERS, ROWS, W) -> normalise -> 1x1, three channels -> 1.2 times as large -> body of PP-OCRv6 -> head
+    -> a step for every 20 / 3 columns
 """
 
 from __future__ import annotations

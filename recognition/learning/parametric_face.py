@@ -1,13 +1,10 @@
-"""Faces without end: skeletons of letters, drawn in a random style.
+"""Faces without end: skeletons of letters, drawn in a random style (slabs, slants, pens, stencils, fourteen segments).
 
-    skeleton --corners bent--> centre lines --pen--> ink --traced--> outlines
+skeleton --corners bent--> centre lines --pen--> ink --traced--> outlines
 
-    +----+     .--.      /--\\      a corner from square over a superellipse (3) and a circle (2) to a chamfer (1)
-    |    |    |    |    |    |
-    +----+     '--'      \\--/
-
-Styles range over square, octagonal and round faces, slabs, slants, pens that draw rows thinner than columns, stencils
-and fourteen segments.
++----+     .--.      /--\\      a corner from square over a superellipse (3) and a circle (2) to a chamfer (1)
+|    |    |    |    |    |
++----+     '--'      \\--/
 """
 
 from __future__ import annotations

@@ -1,10 +1,5 @@
-"""Cover photographs of strips with what lies on parts in a workshop; the text stays as it was stamped.
-
-    curls and chips of swarf, drops, scratches along the line, flaking scale, chatter of the tool, a coating with orange
-    peel, a lamp that blooms
-
-Pixels here are those of strips: HEIGHT_ROWS to a character height.
-"""
+"""Cover photographs of strips with what lies on parts in a workshop; the text stays as it was stamped. Pixels here are
+those of strips: HEIGHT_ROWS to a character height."""
 
 from __future__ import annotations
 

@@ -2,9 +2,7 @@
 
     python -m recognition.learning.recover --out start.pt
 
-    weights --export, join layers--> numbers of the file
-
-These are linear in the weights, so two exports give slope and offset of each. Only the rounding to eight bits is lost.
+The numbers of the file are linear in the weights, so two exports give slope and offset of each.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """Vary the surroundings of a line, and turn some lines the wrong way up.
 
-    more land, the part's edge and nothing beyond it        upside down, mirrored
-    ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: the text is empty
-
-Found lines are often too long, so most strips show more than the characters. Characters upside down look like others,
-and a recogniser that learned only from upright text is sure of its wrong reading.
+more land, the part's edge and nothing beyond it        upside down, mirrored
+........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: the text is empty
 """
 
 from __future__ import annotations

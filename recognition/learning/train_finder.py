@@ -55,12 +55,9 @@ def draw_window(
     window: tuple[int, int] = WINDOW,
     plain: bool = False,  # show the middle of the view at its true scale instead
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-    """Draw a window of a view at a random scale and rotation, with its truth.
-
-    Returns:
-        (2, *window) x and y of its pixels in the view; (2 + FINDINGS, rows, columns) of its cells: whether the finding
-        "middle" counts in the loss, whether the others count, and the findings; its scale over the true one, octaves.
-    """
+    """Draw a window of a view at a random scale and rotation, with its truth: (2, *window) x and y of its pixels in the
+    view; (2 + FINDINGS, rows, columns) of its cells: whether the finding "middle" counts in the loss, whether the
+    others count, and the findings; its scale over the true one, octaves."""
     octaves = 0.0 if plain else rng.uniform(-1.0, 1.0)
     zoom = VIEW_ROWS / (FINDER_ROWS * 2.0**octaves)  # pixels of the view per pixel of the window
     turn = 0.0 if plain else rng.normal(0.0, 0.08)

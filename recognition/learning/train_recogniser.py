@@ -50,12 +50,9 @@ _SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
-    """The recogniser and its training data. Raises MarksError.
-
-    The learning rate is relative to the root mean square of the weights of each array (default: 1e-3). The
-    convolutions include their normalisation, so their weights differ in size a hundredfold. A single rate of 1.5e-4
-    destroyed what the public network had learned.
-    """
+    """The recogniser and its training data. The learning rate is relative to the root mean square of the weights of
+    each array (default: 1e-3), which differ a hundredfold: a single rate of 1.5e-4 destroyed what the public network
+    had learned. Raises MarksError."""
     network = Recogniser(load_start(), CHARACTERS)
     if how.noise:  # to measure the benefit of the public start
         for module in network.modules():

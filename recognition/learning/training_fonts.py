@@ -1,8 +1,5 @@
-"""Fonts for training: files of installed packages, without the fonts of the exams and of the fit of the score.
-
-This repository contains none of them. `docs` names the Debian packages of the fonts with which its weights were
-trained.
-"""
+"""Fonts for training: files of installed packages, without the fonts of the exams and of the fit of the score; `docs`
+names the Debian packages."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Train a network on a set number of samples, with reports; keep the better of its last weights and their running mean.
-
-A run that was stopped goes on from its last saved state when it is started again.
-"""
+"""Train a network on a set number of samples, with reports, resumably; keep the better of last weights and running
+mean."""
 
 from __future__ import annotations
 

@@ -1,8 +1,5 @@
-"""Draw random parts for training: font, text, die, plate, practice, soil and touch.
-
-The exam stays unseen: its kept-out soils are not in `SOILS_LEARNED`, and `recognition.learning.training_fonts` leaves
-out its kept-out fonts.
-"""
+"""Draw random parts for training: font, text, die, plate, practice, soil and touch. The exam's kept-out soils and fonts
+stay unseen."""
 
 from __future__ import annotations
 

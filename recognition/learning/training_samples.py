@@ -3,8 +3,8 @@
     part --lines_of--> TextLine --View.strip--> strips --write_samples--> NUMBER.npz
          --views_of--> views at one scale ------------/
 
-Strips are taller than the input of the recogniser, so that augmentation can crop them differently. Views have
-`VIEW_ROWS` pixels per character height; their heights are in character heights.
+Strips are taller than the input of the recogniser, so that augmentation can crop them differently. Heights of lines in
+views are in character heights, of `VIEW_ROWS` pixels.
 """
 
 from __future__ import annotations

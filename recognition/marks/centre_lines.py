@@ -1,8 +1,5 @@
-"""Centre lines of a character's strokes, where they are deepest, as points about its reference point.
-
-A stroke font consists of centre lines. In an outline font they are the skeleton of the outline, without its branches
-into corners and serifs, where the edge is near.
-"""
+"""Centre lines of a character's strokes, where they are deepest, as points about its reference point. In an outline
+font they are the skeleton of the outline, without its branches into corners and serifs."""
 
 from __future__ import annotations
 

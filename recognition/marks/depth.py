@@ -64,10 +64,8 @@ DEEP_PERCENT = 90.0
 
 @dataclass(frozen=True)
 class MarkDepth:
-    """Depth of a character, or height of a raised one, from the land beside it, mm.
-
-    Felt along the centre lines of the strokes. Positive for sunk and for raised marks; 0 where the surface is on the
-    other side of the land, such as over a filled stroke.
+    """Depth of a character, or height of a raised one, from the land beside it, mm: positive for both; 0 where the
+    surface is on the other side of the land, such as over a filled stroke.
 
     Attributes:
         min_mm, max_mm: 10th and 90th percentile over the centre line.

@@ -18,8 +18,8 @@ STRUCK_FIT = 0.7
 """Mean correlation with a flat or sharp die below which a dotted one is tried as well."""
 
 LEAST_FIT_OF_BETTER_HALF = 0.88
-"""Least `LaidText.fit_of_better_half` of the part's font. Of 65 lines in 5 fonts, the right one has at least 0.92 on
-clean parts and 0.88 at dirt 0.3; at 0.6 half of the lines have less."""
+"""Least `fit_of_better_half` of the part's font. Of 65 lines in 5 fonts, the right one has at least 0.92 on clean parts
+and 0.88 at dirt 0.3; at 0.6 half of the lines have less."""
 
 
 @dataclass(frozen=True, eq=False)

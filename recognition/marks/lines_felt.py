@@ -4,8 +4,7 @@
                 across  |        meets walls that run along the line    if all travels run along a tail, a bar or a
                         v                                               gap, it supports neither text
 
-A place has a rival if the format allows another character that is easily confused with the one read, or that
-is still probable. There, lines of both axes must lie close together from edge to edge of the character.
+At a place with a rival, lines of both axes must lie close together from edge to edge of the character.
 """
 
 from __future__ import annotations

@@ -10,10 +10,9 @@ Both characters are laid over the surface where each fits best::
     depths along the line --laid by least squares--> points along the strokes: felt, or not
                                                                                open (could be felt), or not
 
-Nobody needs to name the font, because the strokes that distinguish two characters hardly depend on it. A felt piece of
-a stroke supports the characters that contain it. A missing piece counts against them, but never fully: it may be filled
-with dirt. That is more likely if more of the line's other strokes is missing. Where the surface rises above the land,
-or was not scanned, there is no evidence.
+A felt piece of a stroke supports the characters that contain it, in any font. A missing piece counts against them, but
+never fully: it may be filled with dirt, the likelier the more of the line's other strokes is missing. Where the surface
+rises above the land, or was not scanned, there is no evidence.
 """
 
 from __future__ import annotations
@@ -65,10 +64,8 @@ class RivalStrokes:
 
 @dataclass(frozen=True)
 class PlaceStrokes:
-    """Felt strokes of the character that was read at a place, and those of its rivals.
-
-    `felt` is a share of the strokes that are not `covered`: above those the surface rises over the land.
-    """
+    """Felt strokes of the character that was read at a place, and those of its rivals; `felt` is a share of the strokes
+    that are not `covered`: above those the surface rises over the land."""
 
     felt: float | None
     score: float = 0.0

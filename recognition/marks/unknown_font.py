@@ -21,10 +21,8 @@ from recognition.marks.no_depth import NoDepth
 from whisker_array.estimation.relief import Relief
 
 LEAST_STROKE_FIT = 0.8
-"""Least correlation of the depths about a place with the character's, from which its strokes may be the mark's.
-
-The right font reaches 0.87 on clean parts, the nearest stand-in for another one 0.4 to 0.96.
-"""
+"""Least correlation of the depths about a place with the character's, from which its strokes may be the mark's: the
+right font reaches 0.87 on clean parts, the nearest stand-in for another one 0.4 to 0.96."""
 
 
 @dataclass(frozen=True, eq=False)

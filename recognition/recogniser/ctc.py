@@ -59,11 +59,8 @@ def _all_and_others(values, others):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
-    """Sums of paths that end in each state at each frame, and of those that enter each place there.
-
-    Sums at a place are stored as shares of `exp(scale)`: so no path underflows, and no exponential
-    is needed per character.
-    """
+    """Sums of paths that end in each state at each frame, and of those that enter each place there, stored as shares of
+    `exp(scale)`: so no path underflows, and no exponential is needed per character."""
     frames, count = shares.shape
     places = allowed.shape[0]
     at_blank = np.full((frames, places + 1), -np.inf)

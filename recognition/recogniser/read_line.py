@@ -156,10 +156,8 @@ def _by_count(
     most_lengths: int = 6,
     least_share: float = 0.05,
 ) -> Mapping[int, tuple[float, Posteriors]]:
-    """Log probability and posteriors of each number of characters that the format allows, or that is likely.
-
-    Without a format the probability is that of all numbers, with one it is the evidence of the number's texts.
-    """
+    """Log probability and posteriors of each number of characters that the format allows, or that is likely: with a
+    format the evidence of the number's texts."""
     lengths = None if grammar is None else grammar.lengths()
     counts = _log_counts(looks) if lengths is None or len(lengths) > most_lengths else np.zeros(0)
     if lengths is None:
@@ -187,10 +185,8 @@ def _log_counts(looks: Sequence[Steps], *, most_looks: int = 3) -> Floats:
 
 
 def _likeliest_count(looks: Sequence[Steps], grammar: Grammar | None) -> tuple[Posteriors, float]:
-    """Posteriors for the number of characters whose likeliest text is the likeliest, and that number's probability.
-
-    Dirt in a gap may be any character: together all texts with it are likelier than the text without, none by itself.
-    """
+    """Posteriors for the number of characters whose likeliest text is the likeliest, and that number's probability:
+    with dirt in a gap, all texts together are likelier than the text without it, none by itself."""
     by_count = _by_count(looks, grammar)
     total = 0.0 if grammar is None else np.logaddexp.reduce([log for log, _ in by_count.values()])
     if not np.isfinite(total):

@@ -1,8 +1,5 @@
-"""The recogniser: a small network that gives posteriors step by step along a line.
-
-It is not made for particular fonts. It was trained on felt views, height maps and photographs. Its weights are beside
-this file, with a card on the training data; `python -m recognition.learning.train` trains them again.
-"""
+"""The recogniser: a small network for any font that gives posteriors step by step along a line. Its weights are beside
+this file, with a card; `python -m recognition.learning.train` trains them again."""
 
 from __future__ import annotations
 
@@ -92,11 +89,8 @@ def steps_of(
     skip_columns: int = 0,
     wider: float = WIDER,
 ) -> Steps:
-    """Posteriors of the characters that are looked for, along a strip as `View.strip` cuts it.
-
-    Small letters that are not in `chars` count as their capitals, because many dies use capitals for both. Other
-    characters that are not in `chars` are left out; a space counts as blank.
-    """
+    """Posteriors of the characters that are looked for, along a strip as `View.strip` cuts it. Small letters that are
+    not in `chars` count as their capitals; other characters that are not are left out; a space counts as blank."""
     power = np.exp(log_posteriors.astype(np.float64))
     known, smalls = _codes_of(chars)
     of = np.zeros((power.shape[0], len(chars)))

@@ -4,8 +4,7 @@
     accuracy        -> plans measured to reach it (lines per height, directions)
     allowed error   -> fastest speed of that whisker                                      } -> stage seconds
 
-For every number of whiskers, all combinations are computed and the quickest is chosen. Accuracy is from
-`plan_accuracy`, measured with the default whisker; speed is from `SPEED_BY_ERROR`.
+For every number of whiskers, the quickest of all combinations is chosen.
 """
 
 from __future__ import annotations

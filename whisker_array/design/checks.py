@@ -115,12 +115,8 @@ def bending_stress_mpa(whisker: LShaped, normal_n: Floats, *, alpha_rad: Floats,
 
 
 def sideways_slide_mm(whisker: LShaped, *, preload_mm: float, wall_rad: float) -> float:
-    """Sideways slide of the tip down a wall that runs along the trace: d0 (Dzz / Dyy) tan(alpha), mm.
-
-    Friction does not stop the slide, because it acts against the motion along the trace. A tip that slides down is
-    pressed less, so the contact solver gives a smaller slide, by a factor of 1 + (Dzz/Dyy) tan^2(alpha) without
-    friction.
-    """
+    """Sideways slide of the tip down a wall that runs along the trace: d0 (Dzz / Dyy) tan(alpha), mm. Friction does not
+    stop it. The contact solver gives less, by 1 + (Dzz/Dyy) tan^2(alpha) without friction."""
     d = _tip(whisker).compliance_mm_per_n
     return preload_mm * float(d[2, 2] / d[1, 1]) * math.tan(wall_rad)
 
@@ -163,12 +159,9 @@ def check(
     error_scale: float = 1.0,
     n_mu: int = 5,
 ) -> Checked:
-    """Check one whisker in one use against all limits.
-
-    All bounds are monotone in slope and friction, so it is enough to check the corners of the ranges (eq. (16) is a
-    linear fraction of tan(alpha - atan(mu)) for any whisker). Contrast, too, is least on the gentlest slope,
-    but not monotone in friction. `linear_error` is by default its first order times `error_scale`.
-    """
+    """Check one whisker in one use against all limits, at the corners of the ranges of slope and friction, in which all
+    bounds are monotone (eq. (16) is a linear fraction of tan(alpha - atan(mu)) for any whisker) but contrast in
+    friction. `linear_error` is by default its first order times `error_scale`."""
     low, high = request.alpha_rad
     mus = np.array(request.mu)
     corners = np.array([0.0, high, -high])

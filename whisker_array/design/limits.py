@@ -108,11 +108,8 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def tip_radius_mm(self) -> float:
-        """Radius of the largest ball (against wear) that shows the steepest slope on half a wall and fits a stroke.
-
-        At the foot of the wall the ball rounds off r sin(alpha) of the slope, at most half the wall's extent. Its
-        diameter is at most half of the narrowest stroke, h/14.
-        """
+        """Radius of the largest ball (against wear) that shows the steepest slope on half a wall and fits a stroke: at
+        the foot of the wall it rounds off r sin(alpha) of the slope, and its diameter is at most half of h/14."""
         by_wall = 0.5 * self.narrowest_wall_mm / math.sin(self.alpha_rad[1])
         return min(by_wall, 0.25 * NARROWEST_STROKE_HEIGHTS * self.character_height_mm)
 

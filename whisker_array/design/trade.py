@@ -1,8 +1,5 @@
-"""Trade-off curves: contrast against the allowed sideways slide and against the scan speed.
-
-The whisker is designed anew for each point, starting from the neighbouring point. The ratio of the elastica error to
-its first order is taken from the original design.
-"""
+"""Trade-off curves: contrast against the allowed sideways slide and against the scan speed, each point designed
+anew."""
 
 from __future__ import annotations
 

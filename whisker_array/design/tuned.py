@@ -52,8 +52,7 @@ class Tuned(OneLine):
     """A whisker for one inclination, and its F, (inclinations, frictions), NaN where it jams.
 
     `selectivity` is the least change of F over all frictions, in land moments, if the wall is ten degrees gentler or
-    steeper (only gentler for a threshold, or a null at the end of the range). At `place_rad` the moment vanishes (null)
-    or F is singular (threshold), for the frictions of the table.
+    steeper. At `place_rad` the moment vanishes (null) or F is singular (threshold), for the frictions of the table.
     """
 
     kind: Kind
@@ -112,11 +111,9 @@ def tune(
     section: Literal["auto", "ribbon", "round"] = "auto",
     seed: int = SEED,
 ) -> Tuned:
-    """Find the most selective whisker for one inclination within the limits of a design. Raises DesignError.
-
-    A null must not jam on the walls of the request; a threshold may, on walls steeper than alpha_rad. The default kind
-    is a null if the request has steeper walls, otherwise the more selective one.
-    """
+    """Find the most selective whisker for one inclination within the limits of a design. Raises DesignError. A null
+    must not jam on the walls of the request; a threshold may, on steeper ones. The default kind is a null if the
+    request has steeper walls, otherwise the more selective one."""
     if not NEIGHBOUR_RAD < alpha_rad <= STEEPEST_RAD:
         raise DesignError(
             f"{math.degrees(alpha_rad):g} degrees cannot be singled out",

@@ -1,9 +1,5 @@
-"""Scan -> EdgeMap, directly from the moment signal: m / m_land - 1 and no filter of any kind.
-
-Only errors that the land itself shows are removed: offset (from the array lifted before each pass, which also removes
-earlier creep), gain of each whisker, drift of each line, tilt of the part. What remains is the paper's enhancement,
-(1 + h/d0) F(slope, mu) - 1.
-"""
+"""Scan -> EdgeMap, directly from the moment signal: m / m_land - 1 and no filter of any kind. Only errors that the land
+itself shows are removed: offset, gain of each whisker, drift of each line, tilt of the part."""
 
 from __future__ import annotations
 
@@ -81,10 +77,9 @@ def edge_map(
 ) -> EdgeMap:
     """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction. Raises MapError.
 
-    From a mixed array only the first kind of whisker is used; pushed sweeps are ignored. `register` removes play
-    between back-and-forth and crossed passes if the maps show any. `ideal` uses the nominal land moment of the touch,
-    as in a prediction; nothing is estimated. The map lies within (x0, y0, x1, y1) of the plate frame, if given; the
-    land is estimated from the whole scan.
+    Only the first kind of whisker is used, dragged. `register` removes play between back-and-forth and crossed passes.
+    `ideal` uses the nominal land moment of the touch; nothing is estimated. The map lies within (x0, y0, x1, y1) of the
+    plate frame, if given.
     """
     scan = only(scan)
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]

@@ -35,12 +35,9 @@ def _per_lift(of_force: Floats, theta_rad: ArrayLike, tip: TipModel) -> Floats:
 
 
 def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
-    """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
-
-    That is: G changes by at most the share `tolerance` between theta = 0 and 45 degrees. Straight whiskers are
-    profilers, (17), (18), unless they are so steep that stretch matters or that 45 degrees jam. So is an L-shaped
-    whisker whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are equal.
-    """
+    """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile. G then changes by at
+    most the share `tolerance` between theta = 0 and 45 degrees, as for straight whiskers, (17), (18), and for an
+    L-shaped whisker whose sensor sits l2 / 2 above its clamp, l3 = -l2 / 2: both factors of (22) are equal."""
     level, leaning = moment_per_lift(np.array([0.0, np.pi / 4.0]), tip)
     return bool(np.isfinite(leaning) and abs(leaning - level) <= tolerance * abs(level))
 

@@ -111,9 +111,8 @@ def saturated(
 ) -> list[Mask]:
     """Masks (passes, whiskers, samples) of clipped samples in each sweep: runs at an end of a whisker's range.
 
-    Marks and noise reach the ends of the range for a sample or two, a clipped signal stands still there. A bare plate
-    is level: a signal must span `least_span` of the land's moment. A signal of whose other samples the share `still` is
-    in runs has no noise: the floors of marks stand still, too, and for a profiler they are the end of the range.
+    A signal must span `least_span` of the land's moment, as a bare plate is level. One whose other samples are in runs,
+    by the share `still`, has no noise: the floors of marks stand still, too.
     """
     bad, shape = [s.flags != 0 for s in scan.sweeps], (1, scan.n_whiskers, 1)
     values = [np.where(b, np.nan, s.moment_n_mm) for b, s in zip(bad, scan.sweeps, strict=True)]
@@ -181,11 +180,8 @@ def level_steps(shares: list[SweepShares]) -> AnyFloats:
 
 
 def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> AnyFloats:
-    """(whiskers,) depth and steps of marks, relative to the other whiskers on the same lines; NaN if unknown.
-
-    Lines on both sides of the border between two whiskers cross the same marks; a worn tip does not reach their floors
-    and rounds their edges. All borders are reconciled by least squares, like gains.
-    """
+    """(whiskers,) depth and steps of marks, relative to the other whiskers on the same lines; NaN if unknown. Lines on
+    both sides of a border cross the same marks; all borders are reconciled by least squares, like gains."""
     n = shares[0].share.shape[1]
     borders: list[tuple[int, int, float]] = []
     for f in shares:
@@ -220,11 +216,8 @@ def gains(shares: list[SweepShares]) -> AnyFloats:
 def plate_form(
     shares: list[SweepShares], preload_mm: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Rise of the land's plane and sag of its parabola along (x, y), mm over the scanned length; 0 without a sweep.
-
-    The median of all lines at each position is land and does not depend on the gain of one whisker; a parabola is
-    fitted to it robustly. (The estimator's own land may have another form if a plate is far off.)
-    """
+    """Rise of the land's plane and sag of its parabola along (x, y), mm over the scanned length; 0 without a sweep. A
+    parabola is fitted robustly to the median of all lines at each position."""
     pairs: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
     for f in shares:
         lines, _, _ = f.lines
@@ -257,11 +250,8 @@ class Tone(NamedTuple):
 def strongest_tone(
     shares: list[SweepShares], sample_rate_hz: float, *, least_hz: float = 10.0, locked: float = 0.5
 ) -> Tone:
-    """The strongest spectral line in the changes from pass to pass: marks do not change, a vibration does.
-
-    Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers keeps
-    the common part.
-    """
+    """The strongest spectral line in the changes from pass to pass: marks do not change, a vibration does. The mean
+    over whiskers keeps the common part."""
     tones = [Tone()]
     for f in shares:
         known = np.isfinite(f.share).mean(axis=2) > 0.9

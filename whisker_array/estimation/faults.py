@@ -136,10 +136,8 @@ class FaultKind(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class FaultLimits(OneLine):
-    """Limits of sound recordings, well above the values of sound sensors, dies, plates and dirt in simulation.
-
-    Noise, steps, tones and spikes are shares of the land's moment, rise and sag of a plate preloads.
-    """
+    """Limits of sound recordings, well above the values of sound sensors, dies, plates and dirt in simulation: shares
+    of the land's moment, for a plate preloads."""
 
     unit: float = 5.0  # ratio of moments above which the unit is in doubt and not the height of the stage
     clear: float = 20.0
@@ -186,11 +184,8 @@ def _fault(kind: FaultKind, *numbers: object, whisker: int | None = None, messag
 
 
 def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault, ...]:
-    """Find faults of signals, whiskers and bench; empty for a sound recording.
-
-    Faults of the bench are only sought if all signals are sound. In a mixed array only the first kind of whisker is
-    checked. Wear common to all tips is not found, and `calibrate` hides a wrong height and bent whiskers.
-    """
+    """Find faults of signals, whiskers and, if all signals are sound, the bench; empty for a sound recording. Only the
+    first kind of whisker is checked. Wear common to all tips is not found, and `calibrate` hides a wrong height."""
     if (checked := _check_signals(scan, limits)) is None:
         return ()
     if any(f.whisker is None for f in checked.faults):

@@ -42,11 +42,9 @@ class LandFriction:
 
 
 def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
-    """Find the land's friction by every route that a scan allows, the most certain first; may be empty.
-
-    SHAPES needs a profiler on the lines of a differentiator, and gains that are known from a bench (not from land).
-    TWO_WAYS needs passes that are traced again on their return, but no gains.
-    """
+    """Find the land's friction by every route that a scan allows, the most certain first; may be empty. SHAPES needs a
+    profiler on the lines of a differentiator, and gains from a bench, TWO_WAYS passes that are traced again on their
+    return."""
     differ = [i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)]
     profile = [i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)]
     estimates = []

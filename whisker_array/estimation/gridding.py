@@ -26,12 +26,8 @@ from whisker_array.arrays import Floats, Mask
 def averaging_weights(
     position: NDArray[Any], pixel: NDArray[Any], pitch: float, *, gap_steps: float = 2.1
 ) -> Any:
-    """Sparse (pixels, samples) weights of each sample in each pixel.
-
-    The kernel reaches one pitch to either side, or to the neighbouring sample if that is further away, so
-    unevenly spaced samples are interpolated linearly. A gap of more than `gap_steps` median steps stays open.
-    Passes laid between earlier passes leave some gaps twice as wide as others.
-    """
+    """Sparse (pixels, samples) weights of each sample in each pixel. The kernel reaches one pitch to either side, or to
+    the neighbouring sample if that is further away. A gap of more than `gap_steps` median steps stays open."""
     from scipy import sparse
 
     position, pixel = np.asarray(position, np.float64), np.asarray(pixel, np.float64)

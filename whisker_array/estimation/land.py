@@ -1,8 +1,7 @@
-"""Fit the land of a sweep: the moment of undisturbed surface under every sample.
+"""Fit the land of a sweep: the moment of undisturbed surface under every sample, the level that most samples share.
 
-The land is the level that most samples share; marks stand out from it on one side or the other. Gains are
-estimated where lines of different whiskers meet. Then a quadratic over the plate (the mounting's tilt, a slight dome)
-is fitted robustly to all lines of a sweep, and each line's drift is estimated relative to it. Edges are not used.
+Gains are estimated where lines of different whiskers meet. Then a quadratic over the plate (tilt, a slight dome) is
+fitted robustly to all lines of a sweep, and each line's drift is estimated relative to it.
 """
 
 from __future__ import annotations
@@ -28,11 +27,9 @@ MOST_DRIFT = 0.03
 
 
 def shorth(values: Floats, *, share: float = 0.35) -> Floats:
-    """Centre of the shortest interval that holds a share of each row's samples, (rows,); NaN are left out.
-
-    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side. Of
-    equally short intervals the first is used.
-    """
+    """Centre of the shortest interval that holds a share of each row's samples, (rows,); NaN are left out. A robust
+    mode (Grübel 1988): it stays on the land when marks cover half a line on one side. The first of equal intervals is
+    used."""
     ordered, middle = np.sort(values, axis=-1), np.full(values.shape[0], np.nan)
     sizes = (ordered < np.inf).sum(axis=1)
     for size in np.unique(sizes[sizes > 0]):
@@ -51,11 +48,9 @@ def land_surface(coefficients: Floats, shape: tuple[int, ...]) -> Floats:
 def land_coefficients(moment: Floats) -> Floats:
     """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
-    The fit starts flat at the most common level, or tilted by the levels of lines and columns, so that a tilt of many
-    times the mark's depth does no harm; it is then tightened, until samples further than the share `CUT` from the land
-    have no weight (marks differ by 10 % or more).
-
-    Returns (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero if the most common level is zero.
+    The fit starts flat at the most common level, or tilted by the levels of lines and columns; it is then tightened,
+    until samples further than the share `CUT` from the land have no weight. Returns (6,) coefficients of 1, u, v, u^2,
+    u v, v^2; all zero if the most common level is zero.
     """
     lines, samples = moment.shape
     level = float(shorth(moment.reshape(1, -1))[0])
@@ -85,12 +80,9 @@ def _tilted_start(thin: Floats, u: Floats, v: Floats, level: float) -> Floats:
 
 
 def whisker_gain(lines: AnyFloats, whisker: NDArray[np.int64]) -> Floats:
-    """Relative gain of each line's whisker, (lines,), from neighbouring lines of different whiskers.
-
-    Two whiskers that meet at a border trace nearly the same surface there, mark or land, so the median ratio of their
-    samples is the ratio of their gains. The slope of the surface across the border is estimated from the lines beside
-    it and removed. All borders are reconciled by least squares, with mean gain 1.
-    """
+    """Relative gain of each line's whisker, (lines,), from neighbouring lines of different whiskers: the median ratio
+    of their samples, less the slope of the surface across the border. All borders are reconciled by least squares, with
+    mean gain 1."""
     names, index = np.unique(whisker, return_inverse=True)
     border = np.flatnonzero(whisker[1:] != whisker[:-1])
     if names.size < 2 or border.size == 0:
@@ -126,11 +118,8 @@ def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> Floats:
 
 
 def remove_drift(ratio: Floats) -> Floats:
-    """Divide each line, in place, by the drift of its land relative to its neighbours: a robust line along the trace.
-
-    The surface is similar from line to line; a sensor's drift is not. So only the deviation from the median of the
-    neighbouring lines is drift, and the rest is form. Lines that run mostly in a mark do not show their land.
-    """
+    """Divide each line, in place, by the drift of its land: a robust line along the trace of the deviation from the
+    median of the neighbouring lines. Lines that run mostly in a mark do not show their land."""
     from scipy.ndimage import median_filter
 
     lines, samples = ratio.shape

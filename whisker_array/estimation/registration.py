@@ -35,11 +35,8 @@ STEEPEST = 1.7
 def registration_mm(
     layers: list[Floats], directions: tuple[TraceDirection, ...], *, touch: Touch, pitch_mm: float
 ) -> dict[TraceDirection, tuple[float, float]]:
-    """Plate shift (dx, dy) of each direction that aligns its map with the common one; empty without play.
-
-    Opposite directions share their play equally; the crossed pair is aligned with the first by its profile. Directions
-    without an opposite are not shifted, because their edges and their play cannot be separated.
-    """
+    """Plate shift (dx, dy) of each direction that aligns its map with the common one; empty without play. Opposite
+    directions share their play equally; the crossed pair is aligned with the first by its profile."""
     by_direction = dict(zip(directions, layers, strict=True))
     shift: dict[TraceDirection, tuple[float, float]] = {}
     profiles: list[Floats] = []

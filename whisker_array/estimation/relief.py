@@ -39,11 +39,9 @@ class Route(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Relief(OneLine, Validated, error=MapError):
-    """Height and slopes of the surface, (rows, cols) float32 on a grid of the plate frame.
-
-    Heights are above the land, negative in a sunk mark; NaN where unknown. A slope, dh/dx or dh/dy, is None where no
-    trace ran along that axis both ways (or with a profiler). The friction of every pixel needs a profiler and two ways.
-    """
+    """Height and slopes of the surface, (rows, cols) float32 on a grid of the plate frame, above the land, NaN where
+    unknown. A slope, dh/dx or dh/dy, is None where no trace ran along that axis both ways (or with a profiler). The
+    friction of every pixel needs a profiler and two ways."""
 
     height_mm: NDArray[np.float32]
     slope_x: NDArray[np.float32] | None
@@ -143,12 +141,9 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
 
 
 def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
-    """Move every value of an edge map from the position of the stage to that of the tip.
-
-    On walls the tip is deflected along the trace more or less than on the land, which separates opposite traces. The
-    deflection follows from the relief. One round reduces the error of 45 degree slopes from 10 degrees to 2; see
-    `estimate_relief`.
-    """
+    """Move every value of an edge map from the position of the stage to that of the tip, which is deflected along
+    the trace more or less on walls than on the land. One round reduces the error of 45 degree slopes from 10 degrees
+    to 2."""
     from scipy.ndimage import map_coordinates
 
     lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)

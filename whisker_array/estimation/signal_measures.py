@@ -52,11 +52,8 @@ def _levels_of_lines(shares: Sequence[SweepShares]) -> tuple[AnyFloats, float]:
 
 
 def beyond_part(shares: Sequence[SweepShares], *, least: float) -> list[Mask]:
-    """Samples (passes, whiskers, samples) of each sweep whose tips run beyond the part, where no land carries them.
-
-    They reach to the end of a line, or are whole lines up to the last one of the field. The lines of a single whisker
-    that touches nowhere do not count: at the end of the comb it is dead rather than beyond the part.
-    """
+    """Samples (passes, whiskers, samples) of each sweep whose tips run beyond the part: to the end of a line, or whole
+    lines up to the last one of the field. A single whisker that touches nowhere is dead rather than beyond the part."""
     least *= _levels_of_lines(shares)[1]
     silent = [~(np.abs(f.share) >= least) for f in shares]
     alive = ~np.logical_and.reduce([s.all(axis=(0, 2)) for s in silent])
@@ -109,10 +106,7 @@ def above_noise(shares: Sequence[SweepShares], level: AnyFloats, *, times: float
 
 
 def is_clear(shares: Sequence[SweepShares], level: AnyFloats, *, least: float) -> Mask:
-    """(whiskers,) whether a signal is that of a tip on the land, however small: even, and nowhere lost.
-
-    A tip that hardly touches loses contact in marks and shows every unevenness of the plate.
-    """
+    """(whiskers,) whether a signal is that of a tip on the land, however small: even, and nowhere lost."""
     size = np.abs(level)
     clear = size > least * _noise(shares)
     for w in np.flatnonzero(clear):
@@ -269,9 +263,8 @@ def best_order(
     """The order of the channels in which lines on both sides of the whiskers' borders differ least.
 
     Exchanges of two channels are tried until none reduces the difference, from the present and from the reverse order,
-    with the lines of each whisker forward and backward. Channels that never touch may be exchanged with others, but
-    their own borders are no reason for it: such a whisker may be dead. Beside whiskers that cannot be compared, a
-    single border must gain `single_border` times as much: two lines of land fit each other wherever they are.
+    with the lines of each whisker forward and backward. The borders of channels that never touch are no reason for an
+    exchange. Beside whiskers that cannot be compared, a single border must gain `single_border` times as much.
     """
     lines, usual = _levels_of_lines(shares)
     level = quantile_of_known(np.where(np.abs(lines) > least * usual, lines, np.nan).T)

@@ -1,7 +1,4 @@
-"""Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations.
-
-A `Bench` holds numbers by name, except the gain of each whisker.
-"""
+"""Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations."""
 
 from __future__ import annotations
 
@@ -84,11 +81,9 @@ class Bench(OneLine):
         return cls(dict(zip(Unknown, map(float, numbers), strict=False)), numbers[len(Unknown) :])
 
     def moved(self, step: Floats) -> Bench:
-        """Return the bench with a step (n,) added to its numbers, in the order of `vector`.
-
-        Stiffness and gains change as factors, so that opposite changes cancel exactly in their product. Radius and
-        friction decrease in proportion, so that they stay positive.
-        """
+        """Return the bench with a step (n,) added to its numbers, in the order of `vector`. Stiffness and gains change
+        as factors, so that opposite changes cancel; radius and friction decrease in proportion, so that they stay
+        positive."""
         numbers, names = self.vector(), list(Unknown)
         there = numbers + step
         factor = np.zeros(step.size, dtype=np.bool_)

@@ -96,10 +96,7 @@ class IdentifyError(MarksError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(OneLine):
-    """An identified bench; the gains of whiskers that were not used keep their prior.
-
-    The covariance `repeated` (n, n) compares fits of the same bench, without errors common to both.
-    """
+    """An identified bench; unused gains keep their prior. `repeated` (n, n) compares fits of the same bench."""
 
     bench: Bench
     nominal: Bench

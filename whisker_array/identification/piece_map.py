@@ -53,13 +53,9 @@ def heights_of(surface: HeightMap) -> Heights:
 
 
 class PieceMap:
-    """The piece dilated by the tip, on a rotated grid.
-
-    - One map serves all poses and directions (`contact.SurfacePose`).
-    - Maps are made for tip radii in steps of `RADIUS_STEP`, and interpolated between two steps; extrapolated maps
-      would have notches in which tips are caught.
-    - The surfaces of two steps are kept.
-    """
+    """The piece dilated by the tip, on a rotated grid: one map for all poses and directions (`contact.SurfacePose`),
+    for tip radii in steps of `RADIUS_STEP` and interpolated between two. Extrapolated maps would have notches that
+    catch tips."""
 
     def __init__(self, heights: Heights, traces: Iterable[Trace], *, about: Bench, grid_mm: float) -> None:
         ends = np.array([end for trace in traces for end in _ends_mm(trace)])

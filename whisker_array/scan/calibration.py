@@ -49,12 +49,9 @@ def calibrate_lead_in(
     expected_land_moment_n_mm: float,
     max_gain_uncertainty: float = 0.01,
 ) -> Calibration:
-    """Gain and offset of every whisker from its lead-in: first air, then land.
-
-    An error in the expected land moment, negative in the model's frame, for example from an unknown friction, changes
-    all gains equally and leaves m / m_land - 1 unchanged. Raises SensorError: lead-in too short, not finite or too
-    noisy; a moment on land that does not stand out from air.
-    """
+    """Gain and offset of every whisker from its lead-in: first air, then land. An error in the expected land moment
+    changes all gains equally and leaves m / m_land - 1 unchanged. Raises SensorError: lead-in too short, not finite or
+    too noisy; a moment on land that does not stand out from air."""
     air64, land64 = np.asarray(air, dtype=np.float64), np.asarray(land, dtype=np.float64)
     if air64.ndim != 2 or land64.ndim != 2 or air64.shape[0] != land64.shape[0]:
         raise SensorError(f"air {air64.shape} and land {land64.shape} must both be (whiskers, samples)")

@@ -42,10 +42,8 @@ class VirtualBench(TypedDict, total=False):
 
 
 class Mounted:
-    """A part on the virtual bench, its surface prepared for any number of simulated passes.
-
-    Raises MapError, or ValueError for a sensor or stage without `rng`.
-    """
+    """A part on the virtual bench, prepared for simulated passes. Raises MapError; ValueError: a sensor or stage lacks
+    `rng`."""
 
     def __init__(
         self,

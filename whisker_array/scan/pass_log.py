@@ -1,7 +1,5 @@
-"""Log of a scan that was made pass by pass: the passes in order, and the reason for stopping.
-
-A recording stores it.
-"""
+"""Log of a scan that was made pass by pass: the passes in order, and the reason for stopping, as a recording stores
+it."""
 
 from __future__ import annotations
 

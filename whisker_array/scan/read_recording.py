@@ -1,7 +1,4 @@
-"""Read an open recording as a Scan; every name, shape, size and number is checked before use.
-
-The layout is that of `whisker_array.scan.recording`.
-"""
+"""Read an open recording (`whisker_array.scan.recording`) as a Scan; everything is checked before use."""
 
 from __future__ import annotations
 

@@ -24,11 +24,9 @@ from whisker_array.whisker.touch import Touch
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan(OneLine, Validated, error=MapError):
-    """All passes over one part: a sweep per trace direction and way (dragged or pushed).
-
-    `kind` numbers each whisker's touch: 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0. A
-    scan made pass by pass has a `log` of its single passes in order; `sweeps` merges them.
-    """
+    """All passes over one part: a sweep per trace direction and way (dragged or pushed). `kind` numbers each whisker's
+    touch: 0 for `touch`, 1 for the first of the others; empty: all are of kind 0. `log` has the single passes of a scan
+    made so."""
 
     sweeps: tuple[Sweep, ...]
     touch: Touch

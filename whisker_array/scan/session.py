@@ -63,11 +63,8 @@ class SessionStage(Protocol[Part]):
 
 
 def gather_sweeps(passes: Sequence[Sweep]) -> tuple[Sweep, ...]:
-    """Merge sweeps of single passes into one per direction and way, in the order of their first passes.
-
-    Passes of one direction may begin and end at different positions: the merged sweep covers all of them, and a pass is
-    flagged OUTSIDE where it was not run. They share one step and one grid. Raises ValueError.
-    """
+    """Merge sweeps of single passes into one per direction and way, in the order of their first passes, on one grid. A
+    pass is flagged OUTSIDE where it was not run. Raises ValueError: they do not share one step and grid."""
     groups: dict[tuple[int, bool], list[Sweep]] = {}
     for sweep in passes:
         groups.setdefault((int(sweep.plan.direction), sweep.plan.pushed), []).append(sweep)

@@ -17,12 +17,9 @@ _NOTHING_MM = 1e-6
 
 
 def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:
-    """Resample a map to a grid that suits steps of `target_mm`: interpolate if coarser, average if much finer.
-
-    Coarser maps are interpolated (bicubic) to the step or slightly finer, because slopes of a coarse grid would have
-    steps. Maps finer than half the step are averaged in blocks. The centre of the top left sample stays in place.
-    Raises MapError if the fine grid would exceed the limit of samples.
-    """
+    """Resample a map to a grid that suits steps of `target_mm`: coarser maps are interpolated (bicubic), those finer
+    than half the step averaged in blocks. The centre of the top left sample stays. Raises MapError: too many
+    samples."""
     pitch = height_map.pitch_mm
     factor, block = _scale(pitch / target_mm)
     if factor > 1:
@@ -48,11 +45,8 @@ def pad_soil(soil: Soil, samples: int) -> Soil:
 
 
 def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float) -> Soil:
-    """Resample the dirt on a map to the grid of `fit_pitch`.
-
-    The surface below the dirt is resampled like the map, and the thickness is the difference; otherwise a cubic would
-    overshoot from the edge of the dirt into the metal.
-    """
+    """Resample the dirt on a map to the grid of `fit_pitch`. The surface below the dirt is resampled like the map, and
+    the thickness is the difference: a cubic would overshoot from the edge of the dirt into the metal."""
     if fitted is top:
         return soil
     factor, block = _scale(top.pitch_mm / target_mm)

@@ -67,10 +67,8 @@ def sunken_heights(
     preload_mm: float,
     friction: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Compute heights under traces for the pointwise formula; all arrays are (lines, samples).
-
-    e depends on the slope of the track, and the slope weakly on e, so a few iterations per sample converge.
-    """
+    """Heights under traces for the pointwise formula; all arrays are (lines, samples). e depends on the slope of the
+    track, and the slope weakly on e, so a few iterations per sample converge."""
     top, kappa, mu = (np.asarray(a, dtype=np.float64) for a in (top_mm, stiffness_n_per_mm, friction))
     thickness = np.maximum(top - bottom_mm, 0.0)
     d_yx, d_yy = float(tip.compliance_mm_per_n[1, 0]), float(tip.compliance_mm_per_n[1, 1])

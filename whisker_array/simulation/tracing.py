@@ -27,11 +27,8 @@ def trace_sweep(
     commanded: SweepPlan,
     sample_rate_hz: float | None = None,
 ) -> Traces:
-    """Trace one sweep over a padded surface in its trace frame.
-
-    Lead-in and lead-out may run on the repeated edge; any other sample beyond the part is OUTSIDE.
-    `commanded` positions decide it. With a sample rate, whiskers ring. Returns (passes, whiskers, samples).
-    """
+    """Trace one sweep over a padded surface in its trace frame; (passes, whiskers, samples). Samples whose `commanded`
+    positions are beyond the part, but for lead-in and lead-out, are OUTSIDE. With a sample rate, whiskers ring."""
     length = (oriented.shape[1] - 1) * oriented.pitch_mm
     start = sweep.start_mm - origin_mm
     if sweep.direction.backward:

@@ -47,10 +47,8 @@ PITCH_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class RasterPlan(OneLine, Validated, error=WhiskerError):
-    """Raster of an array over a rectangle of the plate, whose lines the whiskers share.
-
-    With `each_whisker` every whisker crosses the whole region, as for a test piece narrower than the comb.
-    """
+    """Raster of an array over a rectangle of the plate, whose lines the whiskers share, or all cross with
+    `each_whisker`."""
 
     array: WhiskerArray
     region_mm: tuple[Finite, Finite, Finite, Finite]
@@ -155,11 +153,8 @@ def usual_speed_mm_s(character_height_mm: float) -> float:
 
 
 def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int = 1) -> WhiskerArray:
-    """Default whiskers in one row, one character height apart, the closest for their ribbons in half heights.
-
-    For the default plan this is the quickest comb: at half a height whiskers are in two rows a whole whisker apart,
-    which lengthens every pass. A second kind is behind the first.
-    """
+    """Default whiskers in one row, one character height apart: at half a height, in two rows a whole whisker apart,
+    every pass is longer. A second kind is behind the first."""
     body, step = default_body(character_height_mm), COMB_STEP_HEIGHTS * character_height_mm
     half = 0.5 * character_height_mm
     return WhiskerArray(
@@ -182,11 +177,8 @@ def default_plan(
     two_way: bool = False,
     lines_per_height: int = LINES_PER_HEIGHT,
 ) -> RasterPlan:
-    """Return a raster scaled to the character height, by default with 40 lines per height and the default comb.
-
-    The sample pitch is always that for 40 lines, because samples cost no stage time. The default speed is the usual
-    one.
-    """
+    """Return a raster scaled to the character height, by default with 40 lines per height and the default comb. The
+    sample pitch is always that for 40 lines, because samples cost no stage time."""
     line_pitch = character_height_mm / lines_per_height
     return RasterPlan(
         array=default_comb(character_height_mm, n_whiskers=n_whiskers, kinds=kinds),

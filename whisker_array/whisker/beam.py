@@ -63,10 +63,8 @@ class Segment(OneLine):
 
     @cached_property
     def axes(self) -> Matrix:
-        """(3, 3) rows: along the segment, lateral, vertical (right-handed unit vectors).
-
-        The lateral axis is the part of world z across the segment (world x if the segment runs along z).
-        """
+        """(3, 3) rows: along the segment, lateral (the part of world z across it, or world x), vertical;
+        right-handed."""
         along = (self.end_mm - self.start_mm) / self.length_mm
         lateral = _WORLD_Z - along * along[2]
         if np.linalg.norm(lateral) < 1e-9:

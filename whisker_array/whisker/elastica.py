@@ -73,10 +73,8 @@ class LargeDeflection(OneLine, Validated, error=ElasticaError):
 
 @dataclass(frozen=True)
 class LinearError:
-    """Errors of the linear beam at one lift, (linear - exact) / exact: positive where it overestimates.
-
-    The linear moment has the arm to the unloaded tip, as in (13); the errors of force and arm partly cancel.
-    """
+    """Errors of the linear beam at one lift, (linear - exact) / exact: positive where it overestimates. Those of force
+    and arm, in (13) that to the unloaded tip, partly cancel."""
 
     lift_mm: float
     force: float
@@ -177,10 +175,8 @@ def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) ->
 
 
 def _follow(rod: _Rod, target: float) -> Any:
-    """Solve from the linear beam up to lift / L = target, in load steps, by Newton from the unloaded rod.
-
-    A step is accepted if it converges near the last one in force and shape, so that it does not jump to another branch.
-    """
+    """Solve from the linear beam up to lift / L = target, in load steps, by Newton from the unloaded rod. A step is
+    accepted near the last one in force and shape, so that it does not jump to another branch."""
     n = len(rod.segments)
     mesh, guess, force = np.linspace(0.0, 1.0, _FIRST_NODES), np.zeros((3 * n, _FIRST_NODES)), 0.0
     reached, step = 0.0, min(LOAD_STEP, target)

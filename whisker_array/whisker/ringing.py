@@ -21,10 +21,8 @@ from whisker_array.whisker.validity import first_bending_frequency_hz
 
 @dataclass(frozen=True, repr=False)
 class Ringing(OneLine, Validated, error=WhiskerError):
-    """First frequency in the plane of tracing with the tip on the surface, gain, and share of critical damping.
-
-    The damping is assumed: clamped steel springs without dampers have 0.2 to 2 %.
-    """
+    """First frequency in the plane of tracing with the tip on the surface, gain, and share of critical damping, which
+    is assumed: clamped steel springs without dampers have 0.2 to 2 %."""
 
     held_hz: Positive
     gain: NotNegative

@@ -26,10 +26,7 @@ MOST_PRELOAD_MM = 1000.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Touch(OneLine, Validated, error=WhiskerError):
-    """Touch of a whisker: tip, preload d0, ball, and the friction that is used if no better value is known.
-
-    Without a known `ringing` it is simulated as on a slow stage.
-    """
+    """Touch of a whisker: tip, preload d0, ball, nominal friction, and ringing (unknown: as on a slow stage)."""
 
     tip: TipModel
     preload_mm: Annotated[Positive, Range(0.0, MOST_PRELOAD_MM)]

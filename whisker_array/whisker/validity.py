@@ -43,10 +43,8 @@ def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LumpedWhisker(OneLine):
-    """A whisker with its mass, t (N s^2 / mm), lumped at (n, 3) joints.
-
-    `strain` (6 n, 3 n) is the weighted strain of every piece under unit forces on the joints.
-    """
+    """A whisker with its mass, t (N s^2 / mm), lumped at (n, 3) joints; `strain` (6 n, 3 n) of every piece under unit
+    forces."""
 
     joints_mm: Matrix
     mass_t: Vector
@@ -54,11 +52,8 @@ class LumpedWhisker(OneLine):
 
 
 def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
-    """Divide a whisker into pieces, and lump half the mass of each at either end.
-
-    strain^T strain is the flexibility. It is exact for constant sections: M = r x f is linear along a piece, so two
-    Gauss points suffice.
-    """
+    """Divide a whisker into pieces, and lump half the mass of each at either end. strain^T strain is the flexibility,
+    exact for constant sections: M = r x f is linear along a piece, so two Gauss points suffice."""
     require_range(WhiskerError, Range(1, math.inf, "it must be at least 1"), parts=parts)
     segments = whisker.segments()
     middle = (np.arange(parts) + 0.5) / parts

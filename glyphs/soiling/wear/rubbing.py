@@ -65,10 +65,8 @@ class _Life:
 
 
 def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Wear a part: `amount` 0 leaves it unchanged, 1 removes most of its marks.
-
-    Parts differ: each has 0.5 to 1.5 times the amount (those below 1 catch up towards amount 1), and one kind leads.
-    """
+    """Wear a part: `amount` 0 leaves it unchanged, 1 removes most of its marks. Parts have 0.5 to 1.5 times the amount
+    (those below 1 catch up towards amount 1), and one kind leads."""
     factor = float(rng.uniform(0.5, 1.5))
     amount = min(1.0, amount * (factor + max(1.0 - factor, 0.0) * amount**2))
     if amount <= 0.0:

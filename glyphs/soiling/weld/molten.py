@@ -1,7 +1,4 @@
-"""Molten steel on a plate: drops that fly from the seam and weld on, and arc strikes.
-
-Sources: see `glyphs.soiling.weld.plate`.
-"""
+"""Molten steel on a plate: drops that weld on, and arc strikes. Sources: see `glyphs.soiling.weld.plate`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""The workshop's dirt: a mixture of seven kinds.
-
-They are applied in this order: burr (which arises in stamping), pits, scratches, paint, grime, oil, swarf.
-"""
+"""The workshop's dirt: a mixture of seven kinds, applied in this order: burr (which arises in stamping), pits,
+scratches, paint, grime, oil, swarf."""
 
 from __future__ import annotations
 
