@@ -41,7 +41,6 @@ class KernelCache(_Cache):  # type: ignore[misc]
     _impl_class = _Sealed
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the kernel of a signature; None if it is missing or damaged."""
         try:
             # enough to run a cached kernel; numba would also import its compiler here, which takes 0.3 s
             _runtime.initialize(target_context)

@@ -62,7 +62,6 @@ class Part:
 
     @property
     def height_map(self) -> HeightMap:
-        """The surface that an instrument or a camera sees: the top of the dirt."""
         return self.stamped.height_map if self.soiling.clean else self.soiled.height_map
 
     @property
@@ -72,7 +71,6 @@ class Part:
 
     @cached_property
     def soiled(self) -> SoiledPart:
-        """The part with its dirt and its look, made on first use."""
         return soil_part(self.stamped, self.soiling, rng=self._rng(_SOIL_STREAM))
 
     def photograph(

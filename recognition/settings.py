@@ -99,15 +99,12 @@ class ReaderSettings(OneLine):
 
     @property
     def faces_judge(self) -> bool:
-        """Whether a line that the recogniser has read is compared with the faces of the library and named fonts."""
         return set(self.experts) == set(EXPERTS)
 
     def risk_of(self, source: str) -> float:
-        """Greatest share of wrong readings among those of a source that are accepted."""
         return risk_of(source, self.accept_risk)
 
     def least_score(self, source: str) -> float:
-        """Least score from which a text of a source of readings is accepted, or counts as sure."""
         return least_score(source, self.risk_of(source))
 
     @cached_property
@@ -148,7 +145,6 @@ class Repertoire:
 
     @cached_property
     def request(self) -> LineRequest:
-        """What to look for: all characters that may occur."""
         settings = self._settings
         others = {char for line in settings.line_formats.values() for char in line.grammar.characters}
         # characters that the format forbids are searched for as well, so that one on the part is noticed

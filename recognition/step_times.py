@@ -16,7 +16,6 @@ class StepTimes:
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Add the time of the block to a step."""
         start = time.perf_counter()
         try:
             yield

@@ -38,7 +38,6 @@ class PlateVariation(OneLine, Validated, error=StampError):
 
     @classmethod
     def none(cls) -> PlateVariation:
-        """A perfectly flat and smooth plate."""
         return cls(
             tilt_deg=0.0, waviness_um=0.0, lay_um=0.0, lay_jitter=0.0, roughness_ra_um=0.0, ironing=0.0
         )

@@ -148,7 +148,6 @@ class Controller(ABC):
         self.exchange(lines, seconds=seconds, silent_s=self.settings.answer_s)
 
     def exchange(self, lines: Sequence[str], *, seconds: float, silent_s: float) -> None:
-        """Like `run`, with a given timeout for answers, and without dropping late answers first."""
         sender, silent = self.sender(lines), False
         heard = time.monotonic()
         until = heard + 2.0 * seconds + self.settings.answer_s
@@ -226,7 +225,6 @@ class Controller(ABC):
         self.port.close()
 
     def failed(self, what: str, hint: str = _HOME_HINT) -> StageError:
-        """Make the error that ends a run: from now on the controller is lost."""
         self.lost = True
         return StageError(what, hint)
 

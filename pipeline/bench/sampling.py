@@ -35,7 +35,6 @@ class Record:
     clipped: NDArray[np.bool_]  # (samples, whiskers) whether the sample is at an end of the converter's range
 
     def stretches(self) -> list[slice]:
-        """Stretches where the stage's output was set, in time order."""
         edges = np.flatnonzero(np.diff(np.concatenate([[0], self.sync.astype(np.int8), [0]])))
         return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 

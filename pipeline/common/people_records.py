@@ -23,11 +23,9 @@ class Person:
 
     @property
     def holder(self) -> str:
-        """Key of this person's claims; empty without token and seat."""
         return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
 
     def wrote(self, review: ReviewRecord) -> bool:
-        """Whether a review is this person's, however the name is spelled."""
         same_token = folded(self.token) == folded(review.token)
         return same_token and bool(self.token or folded(self.name) == folded(review.who))
 

@@ -373,5 +373,4 @@ class ReadSettings(MapSettings, PartSettings):
 
     @property
     def touch_budget_s(self) -> float | None:
-        """None for the whole plan."""
         return self.budget_s if self.active else None

@@ -144,7 +144,6 @@ def read_mat(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _unpacked_matlab(data: bytes, most: int) -> io.BytesIO:
-    """The file with its variables unpacked; scipy would unpack as much as each of them claims."""
     if 0 in data[:4]:  # version 4, which is not packed
         return io.BytesIO(data)
     tag = struct.Struct("<II" if data[126:128] == b"IM" else ">II")

@@ -255,7 +255,6 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
 
 
 def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
-    """Samples per second, from the clock of the rows if they have one; it may restart with each pass."""
     columns = layout.columns
     if columns.time is None:
         if not (rate := layout.sampling_rate_hz or table.rate_hz):

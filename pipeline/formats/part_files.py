@@ -164,7 +164,6 @@ class PartFiles:
         return bool(self.height_map or self.scan)
 
     def absolute(self) -> PartFiles:
-        """Absolute paths of local files are valid on every machine that shares the disk."""
         height_map, scan, *photos = map(absolute, (self.height_map, self.scan, *self.photos))
         return replace(self, height_map=height_map, scan=scan, photos=tuple(photos))
 

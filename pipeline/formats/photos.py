@@ -247,7 +247,6 @@ def _decode(path: Path, image: ImageFile, page: int) -> Decoded:
 
 
 def _needs_opencv(path: Path, image: ImageFile) -> bool:
-    """Whether OpenCV decodes a picture: 16 bits per channel, or a packed BMP, which Pillow unpacks in Python."""
     if image.format == "BMP":
         return image.info.get("compression") in _PACKED_BMP
     if image.format == "TIFF":
@@ -268,7 +267,6 @@ def _decoded_by_opencv(path: Path, page: int) -> Decoded:
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
-    """Decode a page, (rows, cols) or (rows, cols, channels); None if it is damaged."""
     from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()

@@ -54,8 +54,6 @@ def _jpeg_segments(data: bytes) -> Iterator[int]:
 
 
 def _gif_blocks(data: bytes) -> Iterator[int]:
-    """The blocks of all frames and extensions, and the parts of at most 255 bytes that their data come in."""
-
     def colours(place: int) -> int:
         # bytes of the table of colours that the flags at a place declare
         flags = data[place] if place < len(data) else 0

@@ -178,7 +178,6 @@ def map_of_points(
 
 
 def _is_profile(points: Points) -> bool:
-    """Whether x or y of the points grows or falls from each to the next, by about the same step."""
     if len(points) < _LEAST_GRID:
         return False
     steps = np.diff(points[:, :2], axis=0)
@@ -260,7 +259,6 @@ def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
 
 
 def _drawn_samples(places: Points, faces: Faces) -> float:
-    """Approximate number of samples that `draw_triangles` visits."""
     a, b, c = (places[faces[:, k], :2] for k in range(3))
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     rows = np.ptp(places[:, 1][faces], axis=1)

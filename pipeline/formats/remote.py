@@ -189,7 +189,6 @@ def _file_system(url: str) -> Any:
 
 
 def _limits(scheme: str) -> dict[str, Any]:
-    """Options that end the wait for a silent server and keep a long file out of memory."""
     if scheme in ("s3", "s3a"):
         config = {
             "connect_timeout": _CONNECT_S,

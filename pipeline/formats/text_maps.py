@@ -300,7 +300,6 @@ def _named_points(table: _NumberTable) -> tuple[NDArray[np.float64], str, float 
 
 
 def _named_axes(names: Sequence[str], heading: re.Pattern[str]) -> dict[str, tuple[int, str]]:
-    """Column of each axis that has a heading, and its unit of length, if any."""
     axes: dict[str, tuple[int, str]] = {}
     for column, name in enumerate(names):
         if len(name) <= _MOST_NAME and (axis := heading.fullmatch(name.strip("\"'# "))):
@@ -391,7 +390,6 @@ def _entries(head: str) -> list[_HeadEntry]:
 
 
 def _height_scale(entries: Sequence[_HeadEntry]) -> tuple[float, str]:
-    """Factor from a table's numbers to a unit, and the unit; 1 and "" where the heading does not say."""
     for entry in entries:
         scales = re.fullmatch(_Z_SCALE_KEYS, entry.key) and (entry.unit or "scal" not in entry.key)
         each_step = entry.of == "digit" and not entry.key.startswith(("x", "y"))
@@ -460,7 +458,6 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
 
 
 def _with_first_row(z: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:
-    """The matrix with its heading as first row if that is numbers, such as y\\x, 0.0, 0.1; else unchanged."""
     axis = [_number(name) for name in names[1:]]
     return np.vstack([[np.nan, *axis], z]) if axis and np.isfinite(axis).all() else z
 

@@ -140,7 +140,6 @@ class PartTexts(dict[str, str]):
         return nearest[0] if len(nearest) == 1 else None
 
     def text_of(self, part: str) -> str | None:
-        """The text of a part; None if the table gives none, or leaves it empty."""
         name = self.name_of(part)
         return None if name is None else self[name] or None
 

@@ -140,7 +140,6 @@ def _side_view(
 
 
 def _section_view(space: Modelspace, shape: LShaped, start: Point, *, size: float) -> float:
-    """Draw the enlarged section with its dimensions to the right of a point; return x to the right of the drawing."""
     section = shape.section
     dimensions: dict[str, Any] = {"dimstyle": "mm", "override": {"dimlfac": 1.0 / _SECTION_SCALE}}
     if isinstance(section, Rectangle):

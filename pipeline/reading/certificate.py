@@ -77,7 +77,6 @@ class Certificate:
         return CertifiedAcceptance(self.threshold, self.sources)
 
     def thresholds(self) -> dict[str, Any]:
-        """Acceptance options of `recognition.Reader` for a reader with the certified settings."""
         options = {
             name: self.settings[name] for name in ("accept_risk", "orientation") if name in self.settings
         }

@@ -50,7 +50,6 @@ class DriftWatch:
             return self._waiting >= EVERY and self.compare()
 
     def compare(self) -> bool:
-        """Compare now, unless no part was added since; return whether a difference is new."""
         if not self._waiting:
             return False
         before, self._waiting = self._differing, 0

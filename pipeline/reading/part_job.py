@@ -85,7 +85,6 @@ class PartJob:
 
     @property
     def shown(self) -> dict[str, str]:
-        """All files, each with its name in messages: never a path of the server."""
         return {file: self.names.get(file) or Path(file).name for file in self.files.files}
 
     def open_reader(self) -> Reader:

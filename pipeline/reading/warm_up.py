@@ -40,7 +40,6 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
 
 
 def _a_text(settings: ReadSettings) -> str:
-    """A serial of the settings' format; four characters if a built-in font cannot stamp one."""
     from glyphs.errors import MarksError
     from glyphs.fonts.outlines import load_font
     from pipeline.common.serial_format import serial_format

@@ -84,7 +84,6 @@ class RunJournal(Journal[ReadPart]):
                 raise
 
     def keep_all(self, results: Mapping[str, ReadPart], *, again: bool = False) -> Mapping[str, ReadPart]:
-        """Store results and append their lines; one that no table can hold becomes a record with an error."""
         self._lines, stored = {}, dict(results)
         for name, read in results.items() if self.written else ():
             try:
@@ -119,7 +118,6 @@ class RunJournal(Journal[ReadPart]):
         return (row.outline for row in self._rows(order))
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
-        """Stream the better record of every part: named parts first, the others in the order of reading."""
         return (self.parse(row.result).record for row in self._rows(order))
 
     def _rows(self, order: Iterable[str] = ()) -> Iterator[Row]:
@@ -243,7 +241,6 @@ class RunStore:
         return True
 
     def send_to_review(self, record: ReadingRecord, objection: Objection) -> None:
-        """Not if a person has reviewed it."""
         from pipeline.store.errors import MAX_TEXT, cleaned
 
         name = cleaned(record.part)[:MAX_TEXT]

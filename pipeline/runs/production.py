@@ -164,7 +164,6 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
 def _contents_of_tables(
     inputs: Sequence[str], options: RunOptions, parts: Sequence[PartFiles]
 ) -> dict[str, str]:
-    """Hash of each table that readings depend on, by name; of a manifest on the web, that of all its parts."""
     manifests = [name for name in map(local_name, inputs) if is_manifest(name) and not names_no_files(name)]
     manifests += map(local_name, options.manifest)
     named = [

@@ -22,7 +22,6 @@ class Progress:
         return self
 
     def start(self, total: int, done: int = 0) -> None:
-        """Show so many parts, of which an earlier run has read `done`."""
         self._total, self._done, self._before = total, done, done
         self._began_s = self._shown_s = time.monotonic()
         if not sys.stderr.isatty():

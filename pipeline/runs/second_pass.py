@@ -65,7 +65,6 @@ class SecondPass:
         executor: Executor,
         say: Callable[[str], None],
     ) -> tuple[Sequence[PartFiles], PartJob]:
-        """Learn from the first readings, say what was learned, and return the parts to read again with their job."""
         from recognition.decide.evidence import EVEN  # slow to import
 
         firsts = [first for first, again in journal.outlines() if again is None and needs_another(first)]

@@ -133,7 +133,6 @@ def _words(code: str, messages: Sequence[str]) -> str:
 
 
 def _misfit(message: str) -> str:
-    """How a text does not fit the format: "place 2 reads as a letter", "found 8 characters, but the format has 7"."""
     what = _QUOTED.sub("", message.removesuffix(CHECK_FORMAT)).replace(" ()", "").strip()
     return what.removesuffix(", which the format does not allow")
 

@@ -268,7 +268,6 @@ class Service:
         return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
 
     def state(self) -> dict[str, str]:
-        """Answer of /readyz: targets, drift, bench, what is unusable, and parts not felt yet."""
         targets = [connection for connection in self.ports.connections() if not connection.address]
         bench, troubles = self.intake.bench, self.intake.calls.troubles
         answer = {

@@ -135,7 +135,6 @@ class Client:
         return self._send_files(f"{_path(part_id)}/scan", [("scan", _read(scan, "scan.h5"))], idempotency_key)
 
     def touch(self, part_id: str) -> PartRecord:
-        """Have the service's own stage scan a part that waits for touch."""
         return _record(PartRecord, self._send("POST", f"{_path(part_id)}/touch", repeatable=False))
 
     def review(

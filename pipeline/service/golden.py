@@ -37,7 +37,6 @@ class GoldenPart:
         return await asyncio.to_thread(self._store.add_golden, measures, line=self._line, reference=reference)
 
     def scans(self, *, limit: int = MOST_SCANS) -> tuple[GoldenRecord, ...]:
-        """The latest of the line, the newest first, the reference among them or last."""
         return self._store.golden_scans(self._line, limit=limit)
 
     def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:

@@ -144,7 +144,6 @@ class Intake:
 
     @contextlib.contextmanager
     def work_folder(self) -> Iterator[Path]:
-        """The work folder of one request, on the disk of the evidence folder; removed at its end."""
         folder = self.evidence.new_work_folder()
         try:
             yield folder
@@ -446,7 +445,6 @@ class Intake:
     # ----------------------------------------------------------------------------------------------------- answer
 
     def review(self, part_id: str, person: Person, **answer: Any) -> PartRecord:
-        """Store a person's review of a part, and publish the part; arguments as in `Store.review`."""
         part = self.store.review(
             part_id, person=person, targets=self.targets, readers=self.policy.readers, **answer
         )

@@ -48,7 +48,6 @@ class RecentFiles:
         self._seen_s: dict[str, float] = {}
 
     def files(self) -> dict[str, Path]:
-        """The present files by stem, without those whose name is not text."""
         files = {}
         try:
             paths = sorted(self.folder.glob(f"[!.]*{self._suffix}"))

@@ -111,7 +111,6 @@ class TouchQueue:
                 attempt.add_done_callback(_log_unexpected)
 
     async def stop(self) -> None:
-        """End the attempts; what becomes of their parts is decided at the next start."""
         await end_tasks(self._attempts.values())
 
     async def _attempt(self, part_id: str, call: TouchCall = NO_LIMIT) -> PartRecord:

@@ -62,7 +62,6 @@ class WorkerCalls:
         return {job or database: why for (job, database), why in self._troubles.items() if job or database}
 
     def trouble(self, job: str) -> str:
-        """Reason why parts of a job cannot be read now, without paths; empty if none is known."""
         if known := self._troubles.get((job, "")):
             return known
         if len(self._lost) >= MOST_LOST:
@@ -105,7 +104,6 @@ class WorkerCalls:
         return settings.model_copy(update={"database": self.jobs.databases.find(database)})
 
     def outside_format(self, text: str, job: str) -> str:
-        """Reason why a text does not fit the format of a job; empty if it fits, or the job is gone."""
         try:
             return outside_format(text, self.jobs.settings(job))
         except (Problem, FileError):

@@ -84,7 +84,6 @@ class Transaction:
         return self.connection.dialect.name == "postgresql"
 
     def insert_if_new(self, table: sa.Table, row: Mapping[str, Any]) -> bool:
-        """Insert a row, unless there is one with its key; waits for a racing transaction with that key."""
         insert = postgresql.insert if self.postgresql else sqlite.insert
         statement = insert(table).on_conflict_do_nothing().returning(*table.primary_key)
         return self.execute(statement, row).one_or_none() is not None

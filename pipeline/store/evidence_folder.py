@@ -153,7 +153,6 @@ class EvidenceFolder:
         return FileState.WHOLE if whole else FileState.DAMAGED
 
     def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
-        """Paths of the kept files whose contents match their hashes; the others are logged."""
         paths = []
         for name in hashes:
             if (state := self.state(name)) is FileState.WHOLE:

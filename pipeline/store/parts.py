@@ -270,7 +270,6 @@ def forget_keys(tx: Transaction, before: datetime, *, files_before: datetime | N
 
 
 def _claim_key(tx: Transaction, key: IdempotencyKey | None, part_id: str) -> None:
-    """Claim a key for a part; wait for a racing request with that key until its outcome is known."""
     if key is None:
         return
     fingerprint = fit(key.fingerprint, "the fingerprint")

@@ -116,7 +116,6 @@ class Store(Database):
         return n
 
     def every_needed_hash(self) -> Iterator[str]:
-        """Hashes of all files that are still needed, in order, some hundreds at a time."""
         hashes: tuple[str, ...] = ("",)
         while hashes := self.needed_after(hashes[-1]):
             yield from hashes

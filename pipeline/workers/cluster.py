@@ -67,7 +67,6 @@ class ClusterExecutor(Executor):
             self._client.close(timeout=5)
 
     def count(self) -> int:
-        """Number of tasks that all workers can run at once; 0 if the scheduler does not answer."""
         with contextlib.suppress(Exception):
             self.workers = sum(self._client.nthreads().values())
             return self.workers

@@ -33,7 +33,6 @@ class Machine:
 
     @classmethod
     def of(cls, workers: int) -> Machine:
-        """The limits for so many workers on this machine."""
         memory_mb = max(LEAST_WORKER_MB, memory_share_mb(workers))
         size = 1_000_000 * memory_mb
         files = Limits(min(size // _PIXEL_BYTES, MAX_PIXELS), min(size // _SAMPLE_BYTES, MAX_PIXELS))

@@ -147,7 +147,6 @@ class WorkPool(Executor):
         return future
 
     def retry_after_s(self) -> float | None:
-        """Estimate the seconds until the queue has room; None while it has."""
         over = self.waiting + self.running - self.workers - self.queue
         if over < 0:
             return None

@@ -43,7 +43,6 @@ class ActiveReading(OneLine):
 
     @property
     def scan(self) -> Scan | None:
-        """All passes as one scan; None if there was no pass."""
         return self.evidence.log.scan
 
     @property
@@ -53,11 +52,9 @@ class ActiveReading(OneLine):
 
     @property
     def stage_s(self) -> float:
-        """Stage time spent, s."""
         return self.ends_s[-1] if self.passes else 0.0
 
     def describe(self) -> str:
-        """Text, decision, passes, stage time and reason for stopping in one line."""
         sure = self.reading.decision is Decision.ACCEPT
         problem = f" ({self.problem})" if self.problem else ""
         return (

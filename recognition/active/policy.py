@@ -48,7 +48,6 @@ class Progress(OneLine):
         )
 
     def with_confidence(self, confidence: float) -> Progress:
-        """Replace the confidence of the last look by that of a full reading, if that is higher."""
         best = max(confidence, self.confidences[-1])
         return replace(self, confidences=(*self.confidences[:-1], best))
 

@@ -86,7 +86,6 @@ class Learned:
 
     @property
     def never_felt(self) -> str:
-        """Characters that come only from the known font."""
         return "".join(sorted(c for c, g in self.font.glyphs.items() if g.inked and not self.used.get(c)))
 
 

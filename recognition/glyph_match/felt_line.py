@@ -195,7 +195,6 @@ class FeltLine:
         about: Floats | None = None,
         spread: Floats = POSE_SD_AT_LINE,
     ) -> LaidCharacter:
-        """Fit the pose of a character at a place; cached unless `about` is given."""
         key = place, char, font.name, face
         if about is None and key in self._laid:
             return self._laid[key]

@@ -95,7 +95,6 @@ class PlaceSamples:
         return np.asarray(self.usual * (depth + land) - self.felt)
 
     def slopes(self, glyph: Glyph, pose: Floats) -> Floats:
-        """(n, NUMBERS) derivatives of the residuals."""
         depth, on, down = self.usual * math.exp(pose[DEEP]) * self.predict(glyph, pose).T
         along, across = self._inside(pose)
         cos, sin = math.cos(pose[TURN]), math.sin(pose[TURN])
@@ -126,7 +125,6 @@ class PlaceSamples:
     def fit(
         self, glyph: Glyph, about: Floats, spread: Floats, start: Floats, *, most_steps: int = 12
     ) -> tuple[float, Floats]:
-        """Fit the most likely pose of a character; return it and its log-likelihood."""
         from scipy.optimize import least_squares
 
         n = self.felt.size

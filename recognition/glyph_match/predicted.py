@@ -117,7 +117,6 @@ class TemplateSet:
     work: dict[object, object] = field(default_factory=dict)
 
     def derive(self, key: object, make: Callable[[], Any]) -> Any:
-        """Return a value derived from the set, made on first use."""
         if key not in self.work:
             self.work[key] = make()
         return self.work[key]

@@ -69,7 +69,6 @@ class Automaton:
         return np.asarray(state >= 0)
 
     def log_mass(self, log_belief: Beliefs) -> float:
-        """Logarithm of the summed probabilities of all strings."""
         return float(self._after(log_belief, best=False)[0][0])
 
     def log_marginals(self, log_belief: Beliefs) -> Beliefs:

@@ -81,17 +81,14 @@ class CheckDigit:
 
     @property
     def remainder(self) -> Remainder | None:
-        """The rule; None for one that needs the whole text."""
         return REMAINDERS.get(self.name)
 
     @property
     def alphabet(self) -> str:
-        """Characters of the rule; empty if they are unknown."""
         return self.remainder.alphabet if self.remainder is not None else ""
 
     @property
     def length(self) -> int | None:
-        """Number of places of the text, if the rule fixes it."""
         if self.remainder is None or self.remainder.length is None or self.last_place is not None:
             return None
         return self.first_place - 1 + self.remainder.length

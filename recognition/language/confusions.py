@@ -59,7 +59,6 @@ class PlaceState:
 
     @property
     def chars(self) -> tuple[str, ...]:
-        """The characters that the state is about: the two confused, or the one there and the one expected."""
         match self.state:
             case CharacterState.CONFUSED:
                 return (self.char, self.rival)

@@ -60,7 +60,6 @@ class Choice(OneLine):
     exhausted: bool = False
 
     def place(self, k: int) -> dict[str, float]:
-        """Probability of each character at a place, best first, without zeros."""
         order = np.argsort(-self.places[k], kind="stable")
         return {self.chars[c]: float(self.places[k, c]) for c in order if self.places[k, c] > 0.0}
 

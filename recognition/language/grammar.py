@@ -87,7 +87,6 @@ class Grammar:
 
     @property
     def gaps(self) -> frozenset[int]:
-        """Places after which the format has a word gap."""
         places = allowed_characters(self.format) if self.format else ()
         inked = [k for k, chars in enumerate(places) if chars != " "]
         return frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
@@ -100,7 +99,6 @@ class Grammar:
 
     @property
     def characters(self) -> tuple[str, ...]:
-        """Characters that may occur, sorted; possibly more."""
         return _characters(self)
 
     @property
@@ -131,7 +129,6 @@ class Grammar:
 
     @property
     def fixed_places(self) -> tuple[str, ...] | None:
-        """The characters at each place; None if the number of places is not fixed, or there is no serial."""
         lengths = self.lengths()
         return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
 
@@ -140,11 +137,9 @@ class Grammar:
         return _strings(self, n_places, self.characters if chars is None else chars)
 
     def allows(self, text: str) -> bool:
-        """Whether a text, with or without blanks, is a serial of this format."""
         return not self.objections(text)
 
     def objections(self, text: str) -> tuple[str, ...]:
-        """Return one clause for each part of the format that a text breaks."""
         plain = "".join(text.split())
         broken = []
         if self.lexicon is not None and plain not in self.lexicon:

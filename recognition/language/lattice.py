@@ -39,15 +39,12 @@ class Lattice(OneLine):
 
     @property
     def box(self) -> Box | None:
-        """The whole line; None if the positions are unknown."""
         return hull(self.boxes)
 
     @property
     def text(self) -> str:
-        """The likeliest character of each place."""
         return "".join(self.chars[k] for k in self.log_belief.argmax(axis=1))
 
     @property
     def surest(self) -> float:
-        """Probability of the most certain character of all places; 0 without any."""
         return float(np.exp(self.log_belief.max(initial=-np.inf)))

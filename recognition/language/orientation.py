@@ -42,7 +42,6 @@ class Way(StrEnum):
 
     @property
     def reverses(self) -> bool:
-        """Whether the order of the characters is reversed."""
         return self is not Way.ROWS_REVERSED
 
     @property

@@ -107,7 +107,6 @@ def depth_bias_mm(face: Face, height_mm: float) -> float:
 
 
 def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> CentreLine:
-    """The centre line of a laid character, in pixels of the relief with its margin: row, column."""
     line = centre_line(laid.font, laid.text[place], face=laid.face)
     on, ahead = (
         (laid.points_mm(place, points) - relief.origin_mm)[:, ::-1] / relief.pitch_mm + 1.0
@@ -143,7 +142,6 @@ def _depth(
     # deviation and 90 % within two. On worn plates it is 41 % and 55 %, because wear leaves the land even.
     sd_of_scatter: float = 9.0,
 ) -> MarkDepth | None:
-    """Depth of one character; None if too little of it or of the land beside it was felt."""
     land_plane = _plane(mark, depth, land, height) if len(mark.points) else None
     if land_plane is None:
         return None

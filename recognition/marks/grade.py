@@ -90,11 +90,9 @@ class MarkGrade:
 
     @property
     def limiting(self) -> str:
-        """The parameter that decides the grade; empty at grade 4."""
         return self.worst.name if self.grade < 4 else ""
 
     def value(self, name: str) -> float | None:
-        """The value of a parameter; None where it was not measured."""
         return next((p.value for p in self.parameters if p.name == name), None)
 
 

@@ -33,7 +33,6 @@ class LaidText:
 
     @cached_property
     def laid(self) -> tuple[LaidCharacter | None, ...]:
-        """The laid characters; None for each that the font lacks."""
         return tuple(
             self.felt.lay(k, char, self.font, self.face) if char in self.font.glyphs else None
             for k, char in enumerate(self.text)

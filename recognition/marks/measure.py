@@ -66,7 +66,6 @@ class Marks(OneLine):
 
     @cached_property
     def surface(self) -> StrokeSurface:
-        """The depths along the line, prepared to find strokes in them."""
         return StrokeSurface(self.felt.strip)
 
 
@@ -90,7 +89,6 @@ class TextMarks(OneLine):
 
     @cached_property
     def laid(self) -> LaidText | None:
-        """The text, fitted to the line in a font; None if no font fits."""
         fonts = self.marks.fonts
         return laid_text(self.marks.felt, self.text, fonts.fonts, stand_ins=fonts.stand_ins)
 
@@ -136,12 +134,10 @@ class TextMarks(OneLine):
 
     @property
     def in_own_font(self) -> LaidText | None:
-        """`along` if its font is the part's; None otherwise."""
         return None if self._edges is None else self.along
 
     @cached_property
     def depths(self) -> tuple[MarkDepth | NoDepth | None, ...]:
-        """Depth of each character, or why it has none; None where no depth was tried."""
         clipped = _clipped_places(self.marks, self.boxes)
         depths = (None,) * len(self.text) if self._depths is None else self._depths.depths
         return tuple(
@@ -151,7 +147,6 @@ class TextMarks(OneLine):
 
     @cached_property
     def grades(self) -> tuple[MarkGrade | None, ...]:
-        """Grade of each character; None where it was not graded."""
         if self._edges is None or self._depths is None:
             return (None,) * len(self.text)
         graded = np.logical_and(self._depths.same_strokes, self.whole)

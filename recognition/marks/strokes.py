@@ -114,7 +114,6 @@ class StrokeSurface:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of the land's depths."""
         # the smallest 30 % of the magnitudes are certainly land; with normal noise they lie within 0.385 deviations
         known = np.abs(self._smooth[self.strip.known])
         return float(np.percentile(known, 30.0)) / 0.385 if known.size else 0.0
@@ -223,7 +222,6 @@ def _compare(
     # font
     falsely_felt: float = 0.05,
 ) -> RivalStrokes:
-    """Weigh the strokes of the character that was read against a rival's."""
     far = np.linalg.norm(read.points[:, None] - rival.points, axis=2)
     only_read, theirs = (
         strokes.within & (far.min(axis=axis, initial=np.inf) > alike_heights)

@@ -55,7 +55,6 @@ class LineDepths:
 
     @cached_property
     def depths(self) -> tuple[MarkDepth | NoDepth, ...]:
-        """Depth of each character, or why it was not measured."""
         if not self._named_fits:
             return self._fitting_depths()
         lacking = self._lacking
@@ -87,7 +86,6 @@ class LineDepths:
         return foreign
 
     def _fitting_depths(self) -> tuple[MarkDepth | NoDepth, ...]:
-        """Depths along the strokes of the font that fits each character best."""
         texts = [self.laid, *self.others]
         fits = np.array([laid.fits for laid in texts])
         best = fits.argmax(axis=0)

@@ -66,7 +66,6 @@ class ReadLine:
 
     @cached_property
     def placed(self) -> Lattice:
-        """The lattice with the position of each place."""
         return replace(self.lattice, boxes=boxes_of(self.line, self.columns))
 
     def spaces_in(self, text: str, grammar: Grammar | None) -> frozenset[int]:
@@ -75,7 +74,6 @@ class ReadLine:
         return word_gaps(self.columns, self.looks) if fixed is None else fixed
 
     def with_faces(self, faces: Mapping[str, float], by_faces: Lattice, together: Lattice) -> ReadLine:
-        """The same line with the posteriors of faces by themselves, and those of all experts together."""
         by_expert = MappingProxyType({**self.by_expert, "templates": by_faces})
         return replace(self, lattice=together, by_expert=by_expert, faces=MappingProxyType(dict(faces)))
 
@@ -96,7 +94,6 @@ class ReadLine:
 
     @property
     def is_agreed(self) -> bool:
-        """Whether all experts are surely of the same text, of the format."""
         texts = {lattice.text for lattice in self.by_expert.values()}
         least = float(np.exp(self.lattice.log_belief.max(axis=1)).min())
         return len(texts) == 1 and least > AGREED and self.evidence > AGREED_EVIDENCE
@@ -177,7 +174,6 @@ def _by_count(
 
 
 def _log_counts(looks: Sequence[Steps], *, most_looks: int = 3) -> Floats:
-    """(n,) log probability of each number of characters, from 0."""
     logs = [np.maximum(steps.count(), -50.0) for steps in looks[:most_looks]]
     most = max(log.size for log in logs)
     total = np.mean([np.pad(log, (0, most - log.size), constant_values=-50.0) for log in logs], axis=0)

@@ -106,8 +106,6 @@ def steps_of(
 
 @cache
 def _codes_of(chars: str) -> tuple[Mapping[int, int], Mapping[int, int]]:
-    """By place in `chars`, the codes of its characters, and of their small letters that count as them."""
-
     def known(cases: Iterable[tuple[int, str]]) -> Mapping[int, int]:
         return {k: _CODES[case] for k, case in cases if case in _CODES}
 

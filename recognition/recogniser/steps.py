@@ -55,13 +55,11 @@ class Steps:
         rare: str = "",
         expert: str = "network",
     ) -> Steps:
-        """Make steps from probabilities, (steps,) and (steps, C)."""
         prior = np.array([RARE if char in rare else 1.0 for char in chars])
         log_chars = np.log(shares * prior + FLOOR)
         return cls(np.log(blank + FLOOR), log_chars, chars, columns, gap, small, expert=expert)
 
     def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
-        """Return the posteriors of places, given the characters allowed at each; None if there is no room."""
         if not allowed:
             return None
         table = np.array([[c in place for c in self.chars] for place in allowed], dtype=np.bool_)

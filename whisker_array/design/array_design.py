@@ -55,7 +55,6 @@ class ArrayRequest(Validated, error=DesignError):
 
     @property
     def region_mm(self) -> tuple[float, float, float, float]:
-        """Region to feel: the line and land around it."""
         h = self.character_height_mm
         length = self.length_mm or LENGTH_HEIGHTS * h
         return (0.0, 0.0, length + 2.0 * BESIDE_HEIGHTS * h, (1.0 + 2.0 * BESIDE_HEIGHTS) * h)

@@ -107,7 +107,6 @@ class Design(OneLine):
 
     @property
     def axis_over_land_mm(self) -> float:
-        """Height of the sensor's axis above the land while tracing."""
         w = self.whisker
         return w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm - self.preload_mm
 

@@ -89,7 +89,6 @@ class Request(OneLine, Validated, error=DesignError):
 
     @property
     def least_speed_mm_s(self) -> float:
-        """Least scan speed; default: the usual one."""
         return self.speed_mm_s or usual_speed_mm_s(self.character_height_mm)
 
     @property

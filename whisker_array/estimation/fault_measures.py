@@ -66,7 +66,6 @@ class SweepShares(OneLine):
         return replace(self, share=share, air=air)
 
     def in_time(self, mask: Mask) -> Mask:
-        """A mask of samples in the recording's order of passes."""
         return mask[np.argsort(self.across)]
 
 

@@ -103,7 +103,6 @@ class Mounted:
         pause_s: float = 0.0,
         preload_mm: float | None = None,
     ) -> Sweep:
-        """Simulate the raw moments of a sweep."""
         stage, sensor, rng, touches = self.stage, self.sensor, self.rng, tuple(self.touches)
         if preload_mm is not None:
             touches = tuple(replace(touch, preload_mm=preload_mm) for touch in touches)

@@ -129,7 +129,6 @@ class Pass(OneLine, Validated, error=WhiskerError):
 
     @property
     def start_mm(self) -> float:
-        """Plate coordinate along the trace of the first touching sample."""
         lead = self.n_lead * self.sample_pitch_mm
         if self.direction.backward:
             return self.along_mm[0] + (self.n_core - 1) * self.sample_pitch_mm + lead
@@ -163,7 +162,6 @@ class Pass(OneLine, Validated, error=WhiskerError):
         )
 
     def moved(self, x_mm: float, y_mm: float) -> Pass:
-        """Return the same pass in a shifted frame."""
         along, across = (x_mm, y_mm) if self.direction.along_x else (y_mm, x_mm)
         return replace(
             self,

@@ -93,7 +93,6 @@ class LShaped(OneLine, Validated, error=WhiskerError):
 
     @property
     def lowered_mm(self) -> float:
-        """The distance l3 with its default resolved, mm."""
         return self.l2_mm if self.l3_mm is None else self.l3_mm
 
     @property
@@ -102,7 +101,6 @@ class LShaped(OneLine, Validated, error=WhiskerError):
         return self.l2_mm == self.lowered_mm == 0.0
 
     def segments(self) -> tuple[Segment, ...]:
-        """Return the beam l1 and the tip arm, with the base at the origin."""
         elbow = -self.l1_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
         beam = Segment(np.zeros(3), elbow, self.section, self.material)
         tip = elbow - np.array([0.0, self.l2_mm, 0.0])

@@ -60,7 +60,6 @@ class RiskCoverage:
     least_area: float
 
     def coverage_at(self, risk: float) -> float:
-        """The largest coverage at which the risk does not exceed a limit; 0 if there is none."""
         within = self.coverage[self.risk <= risk + 1e-12]
         return float(within[-1]) if within.size else 0.0
 

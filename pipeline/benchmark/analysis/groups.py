@@ -72,7 +72,6 @@ class GroupKey:
 
     @property
     def reader(self) -> str:
-        """The mode, and the facts that it knew if these differ between groups."""
         facts = self.level(GIVEN_FACTOR)
         return self.mode if facts is None else f"{self.mode}, given {str(facts).replace(',', ', ')}"
 

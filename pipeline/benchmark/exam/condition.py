@@ -50,7 +50,6 @@ class Condition(dict[str, Level]):
 
     @property
     def levels(self) -> dict[str, Level]:
-        """The levels as factors of a trial; a font by its name, whatever folder its file is in."""
         return {n: font_name(str(v)) if n == "font" and v else v for n, v in self.items()}
 
     def _number(self, factor: str) -> float | None:

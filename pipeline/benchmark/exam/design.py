@@ -136,7 +136,6 @@ class Design(BaseModel):
         return self.model_copy(update={"given": checked}) if checked else self
 
     def all_sections(self) -> tuple[Section, ...]:
-        """Return the sections; a design without sections counts as one section."""
         cells = math.prod(len(self.part.get(name, ())) for name in self.cross)
         return self.sections or (Section(parts=self.parts or self.parts_a_cell * max(1, cells)),)
 

@@ -84,7 +84,6 @@ class DesignedParts:
                     self.spec(Condition(**{**first, name: value}))
 
     def items(self) -> list[Item]:
-        """All items, in the design's order; the first few have each section's share and all severities."""
         items: list[Item] = []
         sections: list[list[Item]] = []
         numbers = np.random.default_rng(self.design.seed).permutation(self.design.n_parts)
@@ -140,7 +139,6 @@ class DesignedParts:
         return str(font_file(condition.font, self.design.fonts))
 
     def spec(self, condition: Condition) -> SynthSpec:
-        """Settings with which a part of that kind is made; errors are those of the class."""
         light = str(condition.get("light", "drawn"))
         if light not in LIGHTS:
             raise SettingsError(f"there is no light {light!r}", hint=f"use one of {', '.join(LIGHTS)}")
@@ -159,7 +157,6 @@ class DesignedParts:
         return SynthSpec(seed=self.design.seed, soiling=Soiling(soils, condition.severity or 0.0), **factors)
 
     def description(self) -> dict[str, Any]:
-        """See `Parts`: the whole design except its number of parts."""
         plain = self.design.model_dump(mode="json", exclude={"about", *COUNTS}, by_alias=True)
         plain["font_files"] = [font_mark(font, self.design.fonts) for font in self.design.font_names]
         return plain

@@ -60,7 +60,6 @@ def render(template: str, **values: Any) -> str:
 
 
 def _command_line() -> str:
-    """The command line as typed; empty when another program calls."""
     program = Path(sys.argv[0])
     ours = program.stem == PROGRAM or program.parent.name == "pipeline"  # or by python -m pipeline
     return shlex.join([PROGRAM, *sys.argv[1:]]) if ours else ""

@@ -68,7 +68,6 @@ class GaugeRR:
 
     @property
     def categories(self) -> int | None:
-        """Number of categories of parts that the gauge distinguishes; None if the gauge does not vary."""
         return math.floor(CATEGORIES * self.part_mm / self.gauge_mm) if self.gauge_mm else None
 
     @property

@@ -42,7 +42,6 @@ class Study:
 
     @cached_property
     def depthless(self) -> tuple[str, ...]:
-        """Parts left out of the gauge study, because their depth is not known in every trial."""
         return tuple(dict.fromkeys(m.part for m in self.measured if depth_of(m) is None))
 
     @property
@@ -53,7 +52,6 @@ class Study:
 
     @cached_property
     def depth(self) -> GaugeRR | None:
-        """Gauge study of the mean depth of a part; None for the reason in `no_depth`."""
         return None if self.no_depth else gauge_rr(list(self.depths.values()))
 
     @property
@@ -62,7 +60,6 @@ class Study:
 
     @property
     def appraisers(self) -> tuple[str, ...]:
-        """The reader's arrays, then the reviewers."""
         return tuple(self.texts)
 
     @property
@@ -73,7 +70,6 @@ class Study:
 
     @property
     def texts(self) -> dict[str, dict[str, tuple[str, ...]]]:
-        """Texts by appraiser and part, trial by trial."""
         return _by_appraiser((*self.measured, *self.answers), "text")
 
 

@@ -70,7 +70,6 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) 
 
 
 def _part_of(name: str, known: PartTexts) -> str | None:
-    """Part of a name in the table; the name of an exported picture ends with its view."""
     stem, _, view = name.rpartition("-")
     return known.name_of(name) or (known.name_of(stem) if view in PICTURES else None)
 

@@ -61,7 +61,6 @@ class Trial:
 
     @property
     def perturbed(self) -> str:
-        """Name of the perturbation under which it was read; empty if there was none."""
         return str(self.levels.get(PERTURBED) or "")
 
     @property

@@ -81,13 +81,11 @@ class Benchmark:
 
     @property
     def accept_risk(self) -> float:
-        """Risk at which readers are compared."""
         risk = self.reading.accept_risk
         return USUAL_RISK if risk is None else risk
 
     @property
     def crossed(self) -> tuple[str, ...]:
-        """Factors of the cells (default: the severity)."""
         return tuple(self.parts.description().get("cross", ("severity",)))
 
     def settings_for(self, condition: Condition, facts: str) -> ReaderSettings:

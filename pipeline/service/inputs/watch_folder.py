@@ -153,7 +153,6 @@ class WatchedFolder:
         return True
 
     async def look(self) -> float:
-        """Look once, and submit what is complete; returns the seconds of the look."""
         limit = asyncio.Semaphore(self._at_once)
 
         async def take(part: WatchedPart) -> None:

@@ -273,7 +273,6 @@ class MqttConnection:
             raise DeliveryError(f"the broker refuses it: {code}", hint=hints.get(code.value, ""))
 
     async def end(self) -> None:
-        """Disconnect; do not wait for a broker that does not answer."""
         if self._accepted.done() and not self.lost.done():
             self._client.disconnect()
             await asyncio.wait({self.lost}, timeout=LEAVE_S)

@@ -130,7 +130,6 @@ def charts_of(trend: Sequence[TrendStep], *, each: str) -> tuple[Chart, ...]:
 
 
 def _who_was_right(part: PartRecord) -> str:
-    """Name of the reader that was right, by a person's review; empty before one."""
     if part.review is None:
         return ""
     ours = part.reading is not None and same_text(part.reading.text, part.text)

@@ -115,7 +115,6 @@ class View:
 
     @property
     def person(self) -> Person:
-        """The person at the page: by the token, else by the browser and the name that it remembers."""
         if self.caller.token:
             return self.caller.person()
         cookie = self.request.cookies.get(SEAT_COOKIE, "")
@@ -134,7 +133,6 @@ class View:
         return self.frame.render(self.request, template, status=status, caller=self.caller, **values)
 
     def redirect(self, address: str, *, who: str = "") -> Response:
-        """Answer a form by a redirect to the next page; the browser remembers the typed name."""
         answer = redirect(self.request, address)
         if who:
             set_cookie(self.request, answer, WHO_COOKIE, quote(who), max_age_s=_A_YEAR_S)

@@ -46,7 +46,6 @@ class PictureFrame:
 
     @classmethod
     def of(cls, meta: Mapping[str, float]) -> PictureFrame | None:
-        """The frame of a picture's record; None if a value is missing or invalid."""
         values = [meta.get(name, math.nan) for name in cls.__dataclass_fields__]
         return cls(*values) if all(map(math.isfinite, values)) and min(values[2:]) > 0.0 else None
 
@@ -142,7 +141,6 @@ def last_felt(readings: Sequence[ReadingRecord]) -> ReadingRecord | None:
 
 
 def _same_line(by_camera: ReadingRecord, stands: ReadingRecord | None) -> bool:
-    """Whether two readings are of the same line: equally many places, most of them alike."""
     if stands is None or stands.source == by_camera.source:
         return True
     here, there = ([c.char for c in r.characters] for r in (by_camera, stands))

@@ -134,7 +134,6 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         release: Annotated[AwareDatetime | None, Form()] = None,
         view: View = reviews,
     ) -> Response:
-        """Claim a part for the person whose page is open, or release the claim that lasts until `release`."""
         if release is not None:
             store.release_part(part_id, view.person, until=release)
             return PlainTextResponse("")

@@ -187,7 +187,6 @@ class StageLink:
         self._serving.start()
 
     async def close(self) -> None:
-        """Wait until the driver's session is closed, or has not answered in time."""
         if self._serving.is_alive():
             # the thread may still wait for a worker that never came; a connection without the key ends that
             with contextlib.suppress(*_LOST):

@@ -172,7 +172,6 @@ class CameraWork:
         folder: Path,
         known: Callable[[Iterable[str]], Collection[str]],
     ) -> CameraPictures:
-        """Wait for a new picture, or a set, that is whole and still; at the end of the time it is taken as it is."""
         look = partial(camera.pictures, name)
         began_s, earliest_ns = time.monotonic(), time.time_ns() - round(1e9 * camera.early_s)
         before = await self.thread.call_async(look)

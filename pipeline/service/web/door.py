@@ -158,7 +158,6 @@ class Door:
             raise Problem(400, f"{what}; call it by its address, or name it in the setting hosts")
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
-        """Refuse cross-site requests, by the headers Sec-Fetch-Site and Origin of browsers."""
         site, origin = headers.get("sec-fetch-site"), headers.get("origin")
         if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):
             return

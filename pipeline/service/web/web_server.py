@@ -75,7 +75,6 @@ class Room:
         self._log = SparingLog("web interface")
 
     def enter(self, connection: Peer) -> bool:
-        """Count a connection; False if its address has too many."""
         n_same = sum(other.block == connection.block for other in self._open)
         if n_same >= self._an_address and not self._is_proxy(connection):
             self._log.say(connection.block, f"{connection.address} has over {self._an_address} connections")
