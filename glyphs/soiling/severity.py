@@ -1,9 +1,6 @@
-"""Severity: one scale, 0 to 1, for all soils.
-
-At the same severity all built-in soils are equally hard for a fixed reader: its mean probability of the true characters
-falls as far as under `workshop`. The reader is RapidOCR's generic recognition network, on the ideal height map.
-`python tests/benchmarks/soil_severity.py --write` measures this and writes the amounts beside this module.
-"""
+"""Severity: one scale, 0 to 1, for all soils, at which a fixed reader (RapidOCR's generic network, on the ideal height
+map) loses as much of its mean probability of the true characters as under `workshop`. `python
+tests/benchmarks/soil_severity.py --write` measures the amounts."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""The die's face: its dimensions, and the profile that turns a distance from the ink into a height.
+"""The die's face: its dimensions, and the profile that turns a signed distance from the ink into a height.
 
-The profile depends only on the signed distance, so the same die cuts strokes and outlines. Bevels are measured from the
-land: a wall falls by tan(bevel) per millimetre. A corner with radius r is a circular fillet tangent to both its sides,
-r tan(bevel/2) long on each.
+Bevels are measured from the land: a wall falls by tan(bevel) per millimetre. A corner with radius r is a circular
+fillet tangent to both its sides, r tan(bevel/2) long on each.
 """
 
 from __future__ import annotations

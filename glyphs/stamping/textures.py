@@ -1,8 +1,6 @@
-"""Textures that tools leave on a plate, coarser than the fine lay of `PlateVariation`.
-
-Depths and feeds are from workshop tables of surface finish (Ra of rough milling and rough turning 3 to 6 um, of
-grinding with a coarse belt 1 to 3, of blasted or sand-cast skins 6 to 25), as in ISO 1302 and its comparator specimens.
-"""
+"""Textures that tools leave on a plate, coarser than the fine lay of `PlateVariation`. Depths and feeds are from ISO
+1302 and workshop tables (Ra of rough milling and turning 3 to 6 um, coarse belts 1 to 3, blasted or cast skins 6 to
+25)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """Controller of a G-code stage, common to all firmwares, whose dialects are data (`firmwares`).
 
-* Before homing only upward moves are made.
-* The lines that lower, drag and lift the tips are sent in one write: if the host dies in between, the firmware already
-  has the command to lift.
-* After a reset, an alarm, an error or a timeout the controller is `lost`: it is stopped, lifted as far as possible, and
-  needs homing.
+Before homing only upward moves are made. The lines that lower, drag and lift the tips are sent in one write, in case
+the host dies in between. After a reset, an alarm, an error or a timeout it is `lost`: stopped, lifted, and not homed.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 sync   ____|^^^^^^|________|^^^^^^^^^^^^^^^^^|____      high: the stage's spare output
              air     lower      the pass       lift
 
-The stage sets an output while it drags the tips, and the converter samples that output, too, so both share one clock.
-The speed profile of the stage is known (`Ramp`). A pass that took more or less time than planned is refused: its
-positions are unknown.
+The converter samples an output that the stage sets while it drags the tips: both share one clock. A pass that took more
+or less time than planned (`Ramp`) is refused.
 """
 
 from __future__ import annotations

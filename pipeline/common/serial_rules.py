@@ -4,9 +4,8 @@
     read before?          KX407251 was already read on tray-7/part-3        (`pipeline.store.parts` asks)
     in its place?         KX407299 is 48 ahead of the parts before it
 
-One misread serial must not raise an alarm for the next hundred parts: the expected number is the median over the last
-`WINDOW` parts that were read with certainty, while most of them form a series. A lot that starts at another number
-raises `WINDOW // 2 + 1` alarms, and then is the series.
+The expected number is the median over the last `WINDOW` parts, while most of them form a series: one misread serial
+raises one alarm, a lot that starts at another number `WINDOW // 2 + 1`.
 """
 
 from __future__ import annotations

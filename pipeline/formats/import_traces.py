@@ -6,8 +6,7 @@
              +-------------> t    position: u = +-x or +-y, growing; moments by straight lines at even steps of u
 
 All passes of a direction are resampled on one raster, over the stretch that they share. The sampling rate comes from
-the whole time between pauses: a coarse clock gives several samples one time. Time may go back at midnight, or to 0 at a
-new pass only.
+the whole time between pauses. Time may go back at midnight, or to 0 at a new pass only.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Height maps as instruments write them: X3P and SDF (ISO 25178) by x3pio and sdfio, others with the extra `formats`.
 
-X3P and SDF state a right-handed frame, so the first row is the lowest one of the part, unless the `Origin` of an X3P is
-in the north or its increment along y is negative. Some writers put the top row first and do not say so. The transpose
-of SurfaceTopography's `heights()[x, y]` has the top row first in every other format.
+The first row of X3P and SDF is the lowest one of the part, unless the `Origin` of an X3P is in the north or its
+increment along y is negative. In SurfaceTopography's `heights()[x, y]`, transposed, other formats have it at the top.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
     s3://bucket/lot/a.npz --fetched--> /tmp/tactile-marks-x/height_map/a.npz --read--> gone
 
 Credentials, endpoints and proxies are those of fsspec's file systems (AWS_ACCESS_KEY_ID, AWS_PROFILE, AWS_ENDPOINT_URL,
-GOOGLE_APPLICATION_CREDENTIALS) or fsspec's configuration, which overrides the time limits here. Chains
-(`zip://a::s3://b`), archives and caches, which could write or open anything else, are refused. Names are used
-unchanged: %20 does not become a space, and :: in an object's name is not a chain.
+GOOGLE_APPLICATION_CREDENTIALS). Chains (`zip://a::s3://b`), archives and caches, which could write or open anything
+else, are refused. Names are used unchanged, %20 and :: included.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Heights in text files: columns x y z, or a matrix of heights with a heading that describes it.
 
-Any delimiter, a decimal point or comma, headings, and words for missing values are accepted. Known headings: ESRI grids
-(ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP, Surfer, Zygo XYZ and plain
-`key = value unit` lines. The first row of a matrix is the top one, unless a column of y says otherwise; in Wyko and
-Surfer it is the bottom row.
+Any delimiter, a decimal point or comma, and words for missing values are accepted, and headings of ESRI grids,
+Gwyddion, Wyko ASCII, SPIP, Surfer, Zygo XYZ and plain `key = value unit` lines. The first row of a matrix is the top
+one, unless a column of y says otherwise; in Wyko and Surfer it is the bottom row.
 """
 
 from __future__ import annotations

@@ -6,9 +6,8 @@ vision     -                    vision            vision
 fused      -                    -                 touch and vision, fused
 auto       touch                vision            touch and vision, fused
 
-A photograph alone is read in its own frame: x, y in mm from its first pixel, if its scale is known. A plan for touch is
-made in that frame, and so is a recording of that plan. A height map has a frame of its own; the middle of the picture
-is then assumed to lie over the middle of the map.
+A photograph alone is read in its own frame: x, y in mm from its first pixel, if its scale is known; so is a recording
+of a plan made by it. The middle of a photograph is assumed to lie over the middle of a height map.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
-"""Plan a touch scan from the camera's reading, and turn the plan into a raster.
-
-The region, the line and land around it, is in the photograph's frame, and comes with the photograph's middle
-(`ScanPlanRecord.middle_mm`), the point under the camera's axis. Without a scale the plan covers the stage's whole
-field.
-"""
+"""Plan a touch scan from the camera's reading, and turn the plan into a raster. The region is in the photograph's
+frame, with the photograph's middle (`ScanPlanRecord.middle_mm`); without a scale it is the stage's whole field."""
 
 from __future__ import annotations
 

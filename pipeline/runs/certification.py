@@ -68,13 +68,10 @@ def certify(
     confidence: float,
     manifests: Sequence[str] = (),
 ) -> Certification:
-    """Read labelled parts, and find the confidence from which readings may be accepted at a risk.
-
-    `risk` is the largest share of wrong readings among the accepted, `confidence` the level of the test, both from 0 to
-    1. The journal lies beside `out`, the certificate file. Raises FileError: a table is unusable or names no part, or
-    there is another, unfinished certification. MarksError: the settings cannot be certified, or no sense keeps their
-    risk.
-    """
+    """Read labelled parts, and find the confidence from which readings may be accepted at a risk: the largest share
+    of wrong readings among the accepted, at a level of `confidence`, both from 0 to 1. The journal lies beside
+    `out`. Raises FileError: a table is unusable, or another certification is unfinished. MarksError: no sense keeps
+    the risk."""
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which prevents acceptance", hint="leave it out")
     known = load_truth(truth)

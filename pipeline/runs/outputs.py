@@ -5,8 +5,7 @@ rows.csv.unfinished        the journal: a description of the run and a result fo
 rows.csv~                  the previous table of that name
 rows.quarantine.csv        the parts that could not be read: a manifest, to be corrected and read again
 
-Parquet and workbooks, to which nothing can be appended, are written by `export`. The table is never read: a resumed run
-writes it again from the lines in the journal. `remove` ends a run whose rows are kept elsewhere: no file stays.
+Parquet and workbooks are written by `export`. A resumed run writes the table again from the lines in the journal.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Tables of records: `.csv` (flat rows), `.jsonl`, `.parquet` and `.xlsx`, with an object for each character.
 
-A character of a JSON line or of Parquet has `char`, `probability` and `score`, its `alternatives` with the same, and
-the other fields of `CharacterRecord`. Unknown values are empty fields or null. Lone surrogates, which file names may
-hold, and NUL, at which many programs stop, are written as escapes such as \\udcff and \\u0000; a backslash that would
+A character has `char`, `probability` and `score`, its `alternatives` with the same, and the other fields of
+`CharacterRecord`. Lone surrogates and NUL are written as escapes such as \\udcff and \\u0000; a backslash that would
 begin one is written \\u005c.
 """
 

@@ -5,8 +5,6 @@ Parts        part, serial, decision, why it is not accepted: one line per part. 
 All columns  the columns of the CSV
 Characters   one line per character, with its candidates and their probabilities side by side
 Run          time, program and settings
-
-Serials and names are text cells: Excel neither drops their zeros nor calculates them.
 """
 
 from __future__ import annotations

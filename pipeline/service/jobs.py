@@ -3,7 +3,6 @@
 * A file is checked whenever its job is named, by a worker within its limits, so jobs can change while the service runs.
 * A file that was there within the last hour may come back: requests that name it are asked to retry until then.
 * A job that cannot be used affects only its own parts. One that worked before keeps its former settings.
-* Jobs are shown and edited without paths of the service's machine.
 """
 
 from __future__ import annotations

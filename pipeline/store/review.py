@@ -6,10 +6,8 @@ accepted --drawn--> waiting --read the same--> right
                             \\-otherwise------> disputed, in review: a review says whether it was accepted wrong
                             \\-unreadable-----> not judged
 
-* A claim keeps a part from others for `CLAIM_S`; an open page renews it.
-* If two must agree, neither sees the other's opinion, and the two must be different people.
-* The line does not wait for an audit: the part stays accepted, and its published result stands, until a review says
-  otherwise.
+A claim keeps a part from others for `CLAIM_S`; an open page renews it. If two must agree, neither sees the other's
+opinion. An audited part stays accepted until a review says otherwise.
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@
 
     chance = 1 / (1 + exp(-z)),   z = way + new + slope lines/16 + a s + b s^2 + c log2(looks)
 
-s is the logarithm of the best confidence of the last three looks, scaled: 0 at a confidence of 1e-4, 1 at 1. The
-coefficients are in `gain.fit.json`; `python tests/benchmarks/fit_gain.py` fits them on simulated parts that are felt by
-steps drawn at random.
+s is the logarithm of the best confidence of the last three looks, scaled: 0 at a confidence of 1e-4, 1 at 1. `python
+tests/benchmarks/fit_gain.py` fits `gain.fit.json` on simulated parts that are felt by random steps.
 """
 
 from __future__ import annotations

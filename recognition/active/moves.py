@@ -1,13 +1,12 @@
 """Possible next steps: one or more passes between those that were felt before.
 
-A step adds one line per half character height. If the whiskers are half a height apart, this takes one travel of the
-array for each block of the region; if they are a height apart, it takes two. A block is as wide as the array::
+A step adds one line per half character height, by one travel of the array for each block of the region, or two if the
+whiskers are a height apart. A block is as wide as the array::
 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
 
-The first direction begins with `FIRST` such lines, 8 per character height: fewer lines do not show the shape of a
-character. Each later direction begins with `JOINED`.
+The first direction begins with `FIRST` such lines, 8 per character height. Each later direction begins with `JOINED`.
 """
 
 from __future__ import annotations

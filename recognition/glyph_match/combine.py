@@ -3,11 +3,9 @@
     cosines of all places --each face, and no face--> p(face) --mixture--> log m(c) of each place
     log p(c) = w_network log n(c) + w_faces log m(c) + w_depths log d(c)            up to a constant
 
-Besides the faces there is "no face", whose characters all have the same cosine: it wins where no face is near, and at a
-place that is covered. Each weight rises or falls with the fit of the faces to the line.
-
-Weights are in `combine.fit.json`; `python tests/benchmarks/fit_experts.py` fits them: a conditional logit of the true
-character of each place.
+"No face", whose characters all have the same cosine, wins where no face is near, and at a place that is covered. Each
+weight rises or falls with the fit of the faces to the line. Weights are in `combine.fit.json`; `python
+tests/benchmarks/fit_experts.py` fits them: a conditional logit of the true character of each place.
 """
 
 from __future__ import annotations

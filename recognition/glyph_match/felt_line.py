@@ -1,10 +1,7 @@
-"""A felt line, and the pose of each character on it.
+"""A felt line, and the pose of each character on it, for strokes, depths and grades; the font need not be known.
 
-    relief --minus the land--> depths along the line --correlation--> side, height, font; where each fit starts
-                                                    --least squares, place by place--> poses
-
-Strokes, depths and grades of marks are measured in these poses, and doubtful places are judged by them. The font need
-not be known: characters of another one are placed about as well.
+relief --minus the land--> depths along the line --correlation--> side, height, font; where each fit starts
+                                                --least squares, place by place--> poses
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@ r"""Compile Python's regular expressions to state machines, if they only say whi
 
     "[A-Z]{2}\d+"  --Python's parser-->  nodes that consume one character or none  -->  states and their table
 
-A state is a set of nodes (subset construction); an expression that needs too many is rejected. Classes are ASCII: `\d`
-is 0-9. Groups may be named or not; `?` or `+` after a repeat is ignored. The library greenery is not used, because it
-takes half a minute for `(A|B|C{2,9}){1,12}D`.
+A state is a set of nodes (subset construction); an expression that needs too many is rejected. Classes are ASCII. The
+library greenery takes half a minute for `(A|B|C{2,9}){1,12}D`.
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@
     rows reversed          kept       0-0 3-3 8-8 B C D E H I K O X
     mirrored left-right    reversed   0-0 8-8 A H I M O T U V W X Y
 
-Besides exact images, a character has likely ones: what the recogniser reads instead. It reads an upside-down 7 as L.
-Most texts contain a character without an image that the format allows, and so can be read one way only.
+A character also has likely images: what the recogniser reads instead, an L for an upside-down 7.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Check digits as a remainder that each character updates; a text is valid if the remainder ends at a fixed value.
 
-A search can update it character by character, and sum over all valid texts without listing them
-(`recognition.language.automaton`).
-Sources: ISO 7064 (pure and hybrid systems), ISO/IEC 7812-1 annex B (Luhn), GS1 General Specifications 7.9,
-49 CFR 565.15 and GB 16735-2019 (vehicle identification numbers), ISO 3780 (their first characters).
+Sources: ISO 7064 (pure and hybrid systems), ISO/IEC 7812-1 annex B (Luhn), GS1 General Specifications 7.9, 49 CFR
+565.15 and GB 16735-2019 (vehicle identification numbers), ISO 3780 (their first characters).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     picture (n, 3, ROWS, columns), -1 to 1 --body--> features (n, columns / 8, FEATURES) --head--> 18,710 characters
 
-`onnx2torch` converts it. Its licence is Apache-2.0. Needs the extra `train`.
+`onnx2torch` converts it (extra `train`). Its licence is Apache-2.0.
 """
 
 from __future__ import annotations

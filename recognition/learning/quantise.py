@@ -3,8 +3,7 @@
     float network --strips--> range of every layer --> scales --> network of eight-bit convolutions
     x -> x / sqrt(2) -> erf -> + 1 -> * x -> / 2, five passes over a layer --join--> Gelu, one pass
 
-Some convolutions stay in floating point, because they cost little and would lose most: the first, which see the strip
-itself, those of squeeze-and-excitation, the depthwise ones, and the last.
+The first convolutions, those of squeeze-and-excitation, the depthwise ones, and the last stay in floating point.
 """
 
 from __future__ import annotations

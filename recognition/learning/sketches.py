@@ -1,9 +1,7 @@
-r"""Strips without physics: a sketch as a tip would feel it and as a camera would see it.
+r"""Strips without physics: a sketch as a tip would feel it and as a camera would see it, to learn from beside parts.
 
-    text --glyphs.sketch--> surface, ink, dirt --tip--> felt
-                                               \--light, lens--> photograph
-
-A network that learns from these and from parts, which share no code with them, does not learn the habits of one.
+text --glyphs.sketch--> surface, ink, dirt --tip--> felt
+                                           \--light, lens--> photograph
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
     python -m recognition.learning.train recogniser --learn-from FOLDER --held-out FOLDER \
         --samples 150000 --out recogniser.onnx --log LOG
 
-Files that are added to the folders during training are learned from as well. Each report adds a line of JSON to the
-log. A run that was stopped goes on when the command is repeated.
+Files that are added to the folders meanwhile are learned from as well. The command, repeated, resumes a stopped run.
 """
 
 from __future__ import annotations

@@ -1,14 +1,10 @@
-"""Grade of a character's mark, and the action for it, in the spirit of ISO/IEC 29158.
-
-That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0, and the
-worst grade counts. The same is done here with parameters of touch:
+"""Grade of a character's mark, 4 to 0 by the worst of its parameters, and the action, in the spirit of ISO/IEC 29158.
 
     template predicts   ..../^\\____/^\\....     contrast       strength of its edges where they are felt
     felt                ..../^\\____.........     completeness   share of its edges that is felt
                           felt   filled  swarf    contamination  share of its cell where something else is felt
 
-A shallow mark has low contrast everywhere; a filled one lacks edges in places. The limits are ours, chosen for touch.
-They are not those of the standard, which grades two-dimensional codes by sight.
+The limits are ours, chosen for touch; those of the standard grade two-dimensional codes by sight.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Effect of each level of a factor: its share of characters right minus the mean of the other levels.
 
-Readings of one part with different facts are dependent, so whole parts are resampled (cluster bootstrap). Whether a
-factor matters at all is tested by the ranks of the parts' shares less the mean of their severity (Kruskal and Wallis),
-corrected for the number of factors (Holm).
+Whole parts are resampled (cluster bootstrap). Whether a factor matters is tested by the ranks of the parts' shares less
+the mean of their severity (Kruskal and Wallis), corrected for the number of factors (Holm).
 """
 
 from __future__ import annotations

@@ -9,12 +9,9 @@
     [part]                              # levels of each factor; a single level is a constant
     soil = ["rust", "paint"]
     severity = [0.3, 0.6, 0.9]
-    format = "AA999999"
 
-Balanced means: the replicates of a cell take the levels of every other factor in turn, in an order drawn once for the
-design, and the cells of one severity begin their turns evenly spaced. The parts are a fraction of the full crossing,
-and so are the first N of them. When a design is loaded, it is checked that in every section the numbers of parts at two
-severities, and at every severity those at two levels of a factor, differ by at most 1.
+Balanced means: the replicates of a cell take the levels of every other factor in turn, in an order drawn once, so that
+in every section, and of the first N parts, the numbers of parts at two levels of a factor differ by at most 1.
 """
 
 from __future__ import annotations

@@ -12,9 +12,7 @@ of Clopper and Pearson. Agreement beyond chance: Cohen's kappa for two appraiser
 
 Cohen, "A coefficient of agreement for nominal scales", Educational and Psychological Measurement 20 (1960) 37-46;
 Fleiss, "Measuring nominal scale agreement among many raters", Psychological Bulletin 76 (1971) 378-382. If all ratings
-are the same, chance explains everything and kappa is not defined. Intervals resample whole parts
-(`pipeline.benchmark.analysis.estimates`). If every part has its own serial, hardly anything agrees by chance, and kappa
-is close to the share that agrees.
+are the same, kappa is not defined. Intervals resample whole parts.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""Run a study from its inputs to its report; the same call resumes an interrupted one.
-
-Readings of the same parts by people come in a table, one line per reading:
+"""Run a study from its inputs to its report; the same call resumes an interrupted one. Readings by people come in a
+table:
 
 part,reviewer,text
 part-1,Ada,KX407251

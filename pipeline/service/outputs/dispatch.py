@@ -3,12 +3,9 @@
 outbox --lease--> sender (webhook, MQTT) --arrived--> delivered
                                          \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
 
-A delivery is removed from the outbox only after the receiver has acknowledged it, so each arrives at least once. The
-results of one part arrive in order. A target that is down rests, and is then tried with one delivery.
-
-Services that share a store share its outbox: no sending starts that might not end within its lease. One that stalls for
-longer may send late what another has sent since: receivers for which that matters drop a delivery_id smaller than the
-last one they got for that part.
+Each delivery arrives at least once, and the results of one part in order. A target that is down rests, and is then
+tried with one delivery. Of services that share an outbox, one that stalls for longer than its lease may send late:
+receivers for which that matters drop a delivery_id smaller than the last one of that part.
 """
 
 from __future__ import annotations

@@ -1,10 +1,6 @@
-"""The tables of release 0.1.0: the base that later versions change.
+"""The tables of release 0.1.0, the base that later versions change: an empty database has them at once.
 
-An empty database gets the tables of `pipeline.store.tables` at once, so nothing is to be done here.
-
-Revision ID: v1
-Revises:
-Create Date: 2026-11-26
+Revision ID: v1 Revises: Create Date: 2026-11-26
 """
 
 from __future__ import annotations
