@@ -13,8 +13,8 @@ from glyphs.errors import FileError
 
 @contextlib.contextmanager
 def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which is renamed, durably, if the block raises nothing. `private`: only the
-    owner may read it. Raises FileError."""
+    """Yield a temporary path, renamed, durably, to `path` after the block; `private`: for the owner. Raises
+    FileError."""
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
         temporary = Path(name)

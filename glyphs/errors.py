@@ -11,8 +11,8 @@ from glyphs.plain_text import visible
 
 
 class MarksError(Exception):
-    """An expected failure, with a message for the user, "where: what; hint". It can be pickled if every keyword
-    argument of a subclass has a default."""
+    """An expected failure, "where: what; hint". It can be pickled if all keyword arguments of a subclass have
+    defaults."""
 
     is_usage: ClassVar[bool] = True
 

@@ -67,8 +67,7 @@ def _least_squared_distance(x, y, segments, reach, nearby, out):  # type: ignore
 def segment_distance(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance, (rows, columns), of each point from the nearest of (m, 4) segments x0, y0, x1, y1; inf without any. A
-    segment of zero length is a point."""
+    """Distance, (rows, columns), of each point from the nearest of (m, 4) segments or points; inf without any."""
     out = np.full(x.shape, np.inf)
     count = len(segments)
     if count:

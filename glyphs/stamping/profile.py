@@ -13,8 +13,7 @@ _LEAST = 1e-9  # mm; avoids an empty range when the radius vanishes
 
 
 def round_radius(depth: Number, half_width: Number, *, bevel_rad: float) -> Number:
-    """Radius of the widest arc that rounds the floor of a groove of that depth, mm: tangent to both walls, not above
-    the land."""
+    """Radius of the widest arc that rounds the floor of a groove of that depth, tangent to both walls, mm."""
     tan_half = math.tan(bevel_rad / 2)
     fit = (half_width - depth / math.tan(bevel_rad)) / tan_half
     # a quarter of the arc that spans the whole groove: a narrow groove stays round but becomes shallower

@@ -139,8 +139,7 @@ class Controller(ABC):
         return self._place
 
     def run(self, lines: Sequence[str], *, seconds: float) -> None:
-        """Send lines, and wait until all are acknowledged, after their moves. Raises StageError: an error, reset or
-        timeout."""
+        """Send lines, and wait until all are acknowledged, after their moves. Raises StageError."""
         self.port.quiet(for_s=0.0)
         self.exchange(lines, seconds=seconds, silent_s=self.settings.answer_s)
 

@@ -59,8 +59,7 @@ def read_part_map(
 
 
 def read_scan(path: str | Path, *, most: int | None = None) -> Scan:
-    """Read the scan in a recording. Raises FileError: it is damaged, has more than `most` samples, or links to
-    files."""
+    """Read the scan in a recording. Raises FileError: it is damaged, too long (`most` samples), or has links."""
     import h5py
 
     from whisker_array.scan.recording import load_scan

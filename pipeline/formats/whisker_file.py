@@ -203,8 +203,7 @@ def read_piece(path: Path) -> Piece:
 
 
 def heights_of_piece(path: Path) -> Heights:
-    """Function: height over the land at places of the piece in a file, mm. Raises FileError: no piece or a map with
-    holes."""
+    """Height over the land at places of the piece in a file, mm. Raises FileError: no piece, or a map with holes."""
     from recognition.see.levelling import level
     from whisker_array.identification.piece_map import heights_of
 

@@ -144,8 +144,7 @@ def valid_certificate(path: Path) -> Certificate:
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """Certified acceptance, of no sources under other settings; None without a certificate. Errors:
-    `certificate_of`."""
+    """Certified acceptance, if there is a certificate; of no sources under other settings. Errors: `certificate_of`."""
     if settings.certificate is None:
         return None
     certificate = valid_certificate(settings.certificate)

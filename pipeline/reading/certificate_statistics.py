@@ -58,8 +58,7 @@ class Unlike:
 
 
 def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tuple[Unlike, ...]:
-    """Find the measures in which parts, if enough, differ from a kind (`scipy.stats.ks_2samp`), lowest p-value
-    first."""
+    """Find the measures in which enough parts differ from a kind (`scipy.stats.ks_2samp`), lowest p-value first."""
     from scipy.stats import ks_2samp
 
     differing = []

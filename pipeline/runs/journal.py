@@ -139,8 +139,7 @@ class Journal(Generic[Stored]):
         return ()
 
     def rows(self, *columns: str, order: Iterable[str] = ()) -> Iterator[tuple[Any, ...]]:
-        """Stream columns (name, kept, facts) of the first result of every part and of its second, those of `order`
-        first."""
+        """Stream columns (name, kept, facts) of every part's first result and its second, those of `order` first."""
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
             self._db.execute("delete from temp.asked")

@@ -265,8 +265,7 @@ class Intake:
     async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
-        """Do the work of a request once; the same request waits for it meanwhile. Raises Problem: another request's
-        key."""
+        """Do the work of a request once; the same request waits for it. Raises Problem: another request's key."""
         if idempotency is None:
             return Received(await work())
         lock = self._locks.setdefault(idempotency.key, asyncio.Lock())

@@ -38,8 +38,7 @@ from whisker_array.whisker.array import LINES_PER_HEIGHT
 MARGIN_HEIGHTS = (0.8, 0.5)
 """Margin of land to feel around a found line, along it and across it, character heights."""
 FIRST_LOOK_DOUBT = 0.1
-"""Share of the doubt allowed for acceptance below which a single look triggers a full reading: it is seldom wrong
-twice."""
+"""Share of the doubt allowed for acceptance below which a single look triggers a full reading."""
 LOOKS_PER_READING = 4
 """Number of looks between two full readings if no look is sure: a full reading takes as long as four looks."""
 TOUCHABLE = (

@@ -38,8 +38,7 @@ def read_and_log(reader: TactileReader, session: StageSession, *, budget_s: floa
 
 
 def logged_evidence(reader: TactileReader, scan: Scan) -> SenseEvidence:
-    """Evidence of a recording with a log of passes (ValueError: without); a failed stage sends the part to review
-    again."""
+    """Evidence of a recording with a log of passes (else ValueError); a failed stage sends the part to review."""
     if scan.log is None:
         raise ValueError("the scan has no log of passes; read it by TactileReader.of_recording")
     evidence = reader.of_recording(scan, within_mm=scan.log.region_mm)

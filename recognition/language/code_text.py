@@ -65,8 +65,7 @@ def fields_of(text: str) -> tuple[CodeField, ...]:
 
 
 def holds(text: str, serial: str) -> bool | None:
-    """Whether a code contains a serial, in a field marked as one, or else in any; blanks are ignored. None if all
-    fields are marked as something else."""
+    """Whether a code contains a serial, in fields marked so, or in any; None if all are marked as something else."""
     if serial and _bare(text) == _bare(serial):
         return True
     # a marking may have identifiers, too: "SER KB7402" is the serial KB7402

@@ -1,5 +1,4 @@
-"""Augmentation of strips: another crop, size, slant and bend, dropped scan lines and directions, hidden or raised
-spots, inverted brightness."""
+"""Augmentation of strips: another crop, size, slant and bend, lost scan lines, spots, inverted brightness."""
 
 from __future__ import annotations
 

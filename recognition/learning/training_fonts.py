@@ -1,5 +1,4 @@
-"""Fonts for training: files of installed packages, without the fonts of the exams and of the fit of the score; `docs`
-names the Debian packages."""
+"""Fonts for training: files of installed packages (listed in `docs`), without those of exams and of the score's fit."""
 
 from __future__ import annotations
 

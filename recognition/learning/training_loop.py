@@ -1,5 +1,4 @@
-"""Train a network on a set number of samples, with reports, resumably; keep the better of last weights and running
-mean."""
+"""Train a network on a set number of samples, resumably; keep the better of last weights and running mean."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Draw random parts for training: font, text, die, plate, practice, soil and touch. The exam's kept-out soils and fonts
-stay unseen."""
+"""Draw random parts for training: font, text, die, plate, practice, soil and touch, without those kept for exams."""
 
 from __future__ import annotations
 

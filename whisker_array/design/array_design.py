@@ -35,9 +35,8 @@ WIDTHS_THICKNESSES = (15.0, 6.0)
 """Width over thickness of ribbons: the default, and a narrow one, still 17 times as stiff sideways as upwards."""
 BETAS_DEG = (0.0, 15.0)
 SPEED_BY_ERROR = {0.01: 29.0, 0.02: 39.0, 0.05: 73.0, 0.1: 97.0}
-"""Error of the edge map, as a share of its signal, and the fastest speed that keeps it, mm/s. Computed with a whisker
-that has mass, over stamped grooves of 45 degrees and several widths (`tests.proof.small_model`); the same for all
-heights, and kept at both angles."""
+"""Error of the edge map, as a share of its signal, and the fastest speed that keeps it, mm/s, for all heights: computed
+with a whisker that has mass, over stamped grooves of 45 degrees (`tests.proof.small_model`)."""
 MOST_BLOCKS = 4
 LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
 """Length of a line of eight characters, and land around it, character heights."""

@@ -1,5 +1,4 @@
-"""Trade-off curves: contrast against the allowed sideways slide and against the scan speed, each point designed
-anew."""
+"""Trade-off curves: contrast against the allowed sideways slide and against the scan speed."""
 
 from __future__ import annotations
 

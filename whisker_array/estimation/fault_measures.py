@@ -249,8 +249,7 @@ class Tone(NamedTuple):
 def strongest_tone(
     shares: list[SweepShares], sample_rate_hz: float, *, least_hz: float = 10.0, locked: float = 0.5
 ) -> Tone:
-    """The strongest spectral line in the changes from pass to pass: marks do not change, a vibration does. The mean
-    over whiskers keeps the common part."""
+    """The strongest spectral line in the changes from pass to pass: marks do not change, a vibration does."""
     tones = [Tone()]
     for f in shares:
         known = np.isfinite(f.share).mean(axis=2) > 0.9

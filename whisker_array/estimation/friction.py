@@ -42,9 +42,8 @@ class LandFriction:
 
 
 def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
-    """Find the land's friction by every route that a scan allows, the most certain first; may be empty. SHAPES needs a
-    profiler on the lines of a differentiator, and gains from a bench, TWO_WAYS passes that are traced again on their
-    return."""
+    """Find the land's friction by every route that a scan allows, the most certain first. SHAPES needs a profiler on
+    the lines of a differentiator, and gains from a bench, TWO_WAYS passes that are traced both ways."""
     differ = [i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)]
     profile = [i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)]
     estimates = []

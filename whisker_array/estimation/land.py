@@ -27,9 +27,8 @@ MOST_DRIFT = 0.03
 
 
 def shorth(values: Floats, *, share: float = 0.35) -> Floats:
-    """Centre of the shortest interval that holds a share of each row's samples, (rows,); NaN are left out. A robust
-    mode (Grübel 1988): it stays on the land when marks cover half a line on one side. The first of equal intervals is
-    used."""
+    """Centre of the shortest interval (the first) that holds a share of each row's samples, (rows,); NaN are left out.
+    A robust mode (Grübel 1988): it stays on the land when marks cover half a line on one side."""
     ordered, middle = np.sort(values, axis=-1), np.full(values.shape[0], np.nan)
     sizes = (ordered < np.inf).sum(axis=1)
     for size in np.unique(sizes[sizes > 0]):
@@ -80,9 +79,8 @@ def _tilted_start(thin: Floats, u: Floats, v: Floats, level: float) -> Floats:
 
 
 def whisker_gain(lines: AnyFloats, whisker: NDArray[np.int64]) -> Floats:
-    """Relative gain of each line's whisker, (lines,), from neighbouring lines of different whiskers: the median ratio
-    of their samples, less the slope of the surface across the border. All borders are reconciled by least squares, with
-    mean gain 1."""
+    """Relative gain of each line's whisker, (lines,), of mean 1: least squares over all borders of the median ratio of
+    samples of neighbouring lines, less the slope of the surface."""
     names, index = np.unique(whisker, return_inverse=True)
     border = np.flatnonzero(whisker[1:] != whisker[:-1])
     if names.size < 2 or border.size == 0:

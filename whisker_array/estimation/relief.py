@@ -141,9 +141,8 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
 
 
 def move_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
-    """Move every value of an edge map from the position of the stage to that of the tip, which is deflected along
-    the trace more or less on walls than on the land. One round reduces the error of 45 degree slopes from 10 degrees
-    to 2."""
+    """Move every value of an edge map from the position of the stage to that of the tip, which walls deflect. One round
+    reduces the error of 45 degree slopes from 10 degrees to 2."""
     from scipy.ndimage import map_coordinates
 
     lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)

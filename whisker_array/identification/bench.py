@@ -82,8 +82,7 @@ class Bench(OneLine):
 
     def moved(self, step: Floats) -> Bench:
         """Return the bench with a step (n,) added to its numbers, in the order of `vector`. Stiffness and gains change
-        as factors, so that opposite changes cancel; radius and friction decrease in proportion, so that they stay
-        positive."""
+        as factors; radius and friction decrease in proportion, so that they stay positive."""
         numbers, names = self.vector(), list(Unknown)
         there = numbers + step
         factor = np.zeros(step.size, dtype=np.bool_)

@@ -53,9 +53,8 @@ def heights_of(surface: HeightMap) -> Heights:
 
 
 class PieceMap:
-    """The piece dilated by the tip, on a rotated grid: one map for all poses and directions (`contact.SurfacePose`),
-    for tip radii in steps of `RADIUS_STEP` and interpolated between two. Extrapolated maps would have notches that
-    catch tips."""
+    """The piece dilated by the tip, on a rotated grid, for all poses and directions (`contact.SurfacePose`), and tip
+    radii in steps of `RADIUS_STEP`; extrapolated maps would have notches that catch tips."""
 
     def __init__(self, heights: Heights, traces: Iterable[Trace], *, about: Bench, grid_mm: float) -> None:
         ends = np.array([end for trace in traces for end in _ends_mm(trace)])

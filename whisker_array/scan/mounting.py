@@ -42,8 +42,7 @@ class VirtualBench(TypedDict, total=False):
 
 
 class Mounted:
-    """A part on the virtual bench, prepared for simulated passes. Raises MapError; ValueError: a sensor or stage lacks
-    `rng`."""
+    """A part on the virtual bench, prepared for passes. Raises MapError; ValueError: a sensor or stage lacks `rng`."""
 
     def __init__(
         self,

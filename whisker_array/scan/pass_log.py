@@ -1,5 +1,4 @@
-"""Log of a scan that was made pass by pass: the passes in order, and the reason for stopping, as a recording stores
-it."""
+"""Log of a scan that was made pass by pass: the passes in order, and the reason for stopping."""
 
 from __future__ import annotations
 

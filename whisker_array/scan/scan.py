@@ -25,8 +25,7 @@ from whisker_array.whisker.touch import Touch
 @dataclass(frozen=True, eq=False, repr=False)
 class Scan(OneLine, Validated, error=MapError):
     """All passes over one part: a sweep per trace direction and way (dragged or pushed). `kind` numbers each whisker's
-    touch: 0 for `touch`, 1 for the first of the others; empty: all are of kind 0. `log` has the single passes of a scan
-    made so."""
+    touch: 0 for `touch`, 1 for the first of the others; empty: all 0. `log` has the single passes."""
 
     sweeps: tuple[Sweep, ...]
     touch: Touch

@@ -17,9 +17,8 @@ _NOTHING_MM = 1e-6
 
 
 def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:
-    """Resample a map to a grid that suits steps of `target_mm`: coarser maps are interpolated (bicubic), those finer
-    than half the step averaged in blocks. The centre of the top left sample stays. Raises MapError: too many
-    samples."""
+    """Resample a map for steps of `target_mm`: coarser maps are interpolated (bicubic), those finer than half the step
+    averaged in blocks. The centre of the top left sample stays. Raises MapError: too many samples."""
     pitch = height_map.pitch_mm
     factor, block = _scale(pitch / target_mm)
     if factor > 1:

@@ -47,8 +47,7 @@ PITCH_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class RasterPlan(OneLine, Validated, error=WhiskerError):
-    """Raster of an array over a rectangle of the plate, whose lines the whiskers share, or all cross with
-    `each_whisker`."""
+    """Raster of an array over a rectangle of the plate; whiskers share its lines unless `each_whisker` is set."""
 
     array: WhiskerArray
     region_mm: tuple[Finite, Finite, Finite, Finite]

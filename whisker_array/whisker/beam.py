@@ -63,8 +63,7 @@ class Segment(OneLine):
 
     @cached_property
     def axes(self) -> Matrix:
-        """(3, 3) rows: along the segment, lateral (the part of world z across it, or world x), vertical;
-        right-handed."""
+        """(3, 3) right-handed rows: along the segment, lateral (world z, or x, across it), vertical."""
         along = (self.end_mm - self.start_mm) / self.length_mm
         lateral = _WORLD_Z - along * along[2]
         if np.linalg.norm(lateral) < 1e-9:

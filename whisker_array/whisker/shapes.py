@@ -58,8 +58,7 @@ class TipModel(OneLine):
         object.__setattr__(self, "compliance_mm_per_n", d)
 
     def pushed(self) -> TipModel:
-        """Return the model of the same whisker pushed backwards, in the frame of travel: x is mirrored, the moment
-        keeps its sign, and mu changes sign."""
+        """The same whisker pushed backwards, in the frame of travel: x is mirrored, and mu changes sign."""
         mirror = np.array([-1.0, 1.0, 1.0])
         return TipModel(self.compliance_mm_per_n * np.outer(mirror, mirror), self.moment_arm_mm * mirror)
 

@@ -43,8 +43,7 @@ def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LumpedWhisker(OneLine):
-    """A whisker with its mass, t (N s^2 / mm), lumped at (n, 3) joints; `strain` (6 n, 3 n) of every piece under unit
-    forces."""
+    """A whisker with its mass, t (N s^2 / mm), at (n, 3) joints; `strain` (6 n, 3 n) under unit forces on them."""
 
     joints_mm: Matrix
     mass_t: Vector

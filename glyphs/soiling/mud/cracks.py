@@ -27,8 +27,7 @@ def nearest_crack(
     points_a_plate: int = 5,
 ) -> Field:
     """Distance to the nearest crack, (rows, cols), mm, at most 0.3 `plate_mm`. A crack opens where it halves a plate
-    wider than `plate_mm`; in thicker layers the network's younger cracks stay closed. Older cracks are wider, so they
-    count as nearer."""
+    wider than `plate_mm`. Older cracks are wider, so they count as nearer."""
     generations = int(np.clip(np.ceil(np.log2(np.prod(size_mm) / finest_mm**2)), 4, 12))
     points = rng.random((points_a_plate << generations, 2)) * size_mm
     turns = rng.normal(0.0, 0.28, (generations, 1 << generations))

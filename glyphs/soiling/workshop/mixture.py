@@ -1,5 +1,4 @@
-"""The workshop's dirt: a mixture of seven kinds, applied in this order: burr (which arises in stamping), pits,
-scratches, paint, grime, oil, swarf."""
+"""The workshop's dirt, in this order: burr (of stamping), pits, scratches, paint, grime, oil, swarf."""
 
 from __future__ import annotations
 

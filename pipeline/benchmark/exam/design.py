@@ -200,8 +200,7 @@ def editions() -> tuple[str, ...]:
 
 
 def design_named(name: str) -> Design:
-    """Load an edition by its name, or a design from a TOML file. Raises FileError: no design. SettingsError: no such
-    name."""
+    """Load an edition by its name, or a design from a TOML file. Raises FileError, SettingsError: there is none."""
     if name not in editions() and not name.endswith(".toml"):
         raise SettingsError(
             f"there is no design {name!r}", hint=f"name a TOML file, or one of {', '.join(editions())}"

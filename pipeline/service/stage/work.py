@@ -70,8 +70,7 @@ class StageWork:
 
     @contextlib.asynccontextmanager
     async def for_worker(self, part_name: str, call: TouchCall) -> AsyncIterator[SessionStage[ScanOrder]]:
-        """Lend the stage to a worker during a call. Raises StageDownError: no answer. StageError: the part may be
-        gone."""
+        """Lend the stage to a worker during a call. Raises StageDownError: no answer. StageError: no such part."""
         if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
