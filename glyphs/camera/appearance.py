@@ -31,11 +31,8 @@ def draw_light(
 
 
 def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.random.Generator) -> Photo:
-    """Take a picture of a part.
-
-    The light of the surface is blurred by the lens, projected, exposed, given noise, clipped and encoded in 8 bit
-    (sRGB's curve as a plain power of 1/2.2). Beyond its map the plate is mirrored.
-    """
+    """Take a picture of a part: the light of the surface is blurred by the lens, projected, exposed, given noise,
+    clipped and encoded in 8 bit (a power of 1/2.2). Beyond its map the plate is mirrored."""
     from glyphs.surface.blur import gaussian_blur, sample_bilinear
 
     part = soiled.height_map

@@ -102,11 +102,9 @@ def _count_windings(x, y, segments, out):  # type: ignore[no-untyped-def]
 def winding_number(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.int32]:
-    """Winding number of closed polygons, given as directed segments (m, 4), about every point (rows, columns).
-
-    Returns (rows, columns) int32. Upward edges count when the point lies strictly to their left, downward edges when it
-    lies strictly to their right (D. Sunday's rule), so a horizontal edge never counts twice.
-    """
+    """Winding number (int32) of closed polygons, directed segments (m, 4), about every point (rows, columns). Upward
+    edges count when the point lies strictly to their left, downward edges when strictly to their right (D. Sunday's
+    rule), so a horizontal edge never counts twice."""
     out = np.zeros(x.shape, np.int32)
     if x.size:
         _count_windings(x, y, segments, out)

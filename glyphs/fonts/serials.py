@@ -26,14 +26,12 @@ class FormatError(MarksError, ValueError):
 
 
 def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
-    r"""The characters allowed at each position, one string for each.
+    r"""The characters allowed at each position, one string for each. Raises FormatError.
 
     Args:
         format: `A` stands for A-Z, `a` for a-z, `9` for 0-9, `*` for A-Z and 0-9, any other character but
             `?[]{}|^$+` for itself; `\` makes the next character stand for itself (`\A` is an A).
         exclude: characters that the classes leave out (a VIN excludes "IOQ"); literals stay.
-
-    Raises FormatError.
     """
     if not format:
         raise FormatError(

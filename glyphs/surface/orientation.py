@@ -19,12 +19,9 @@ def plate_normal(
     thin: float = 0.1,  # most thickness of a plate over its shorter side, standard deviations
     upright: float = 0.17,  # least z of a normal that tells the side of the scanner: 10 degrees
 ) -> Points | None:
-    """Unit normal of a plate, towards its outside; None if the points have no thin direction.
-
-    The third principal axis, of the points within three robust standard deviations of the plane. A scanner's z points
-    at the scanner, so the outside is where z is positive; for an upright plate, the positive side of the axis nearest
-    to its normal, as programs with y upwards export it.
-    """
+    """Unit normal of a plate, towards its outside; None if the points have no thin direction: the third principal axis
+    of the points within three robust standard deviations of the plane. A scanner's z points at the scanner, so the
+    outside is where z is positive; for an upright plate, the positive side of the axis nearest to its normal."""
     inlier = np.ones(len(points), dtype=np.bool_)
     for _ in range(rounds):
         offset = points - points[inlier].mean(axis=0)

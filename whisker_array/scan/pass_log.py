@@ -27,10 +27,8 @@ class LoggedPass(OneLine):
 @dataclass(frozen=True, eq=False, repr=False)
 class PassLog(OneLine, Validated, error=WhiskerError):
     """The passes of a scan in one stage session, with the reason for stopping, or the stage's message if it failed.
-
     `field_mm` is (x0, y0, x1, y1) that the array could reach, `region_mm` what was read of it; `other_texts` were more
-    likely right than wrong after fewer passes. Raises WhiskerError for an empty log.
-    """
+    likely right than wrong after fewer passes. Raises WhiskerError for an empty log."""
 
     passes: tuple[LoggedPass, ...]
     array: WhiskerArray

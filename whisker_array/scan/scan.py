@@ -87,11 +87,9 @@ def trace_scan(
 ) -> Scan:
     """Run the virtual array over a height map. Raises MapError or ValueError.
 
-    `bench` is as in `Mounted`: fidelity (pointwise formula or frictional contact), true friction (a number or a (rows,
-    cols) map; default: that of the soil, or the nominal one without soil), soil (friction and soft dirt of the part;
-    default: none), sensor (gains, noise, converter; default: ideal), stage (play and position errors; default: ideal),
-    at_speed (whether whiskers ring at the speed of the plan; default: as on a slow stage), rng (needed with a sensor or
-    a stage).
+    `bench` is as in `Mounted`: fidelity, true friction (a number or a (rows, cols) map; default: that of the soil, or
+    the nominal one), soil, sensor and stage (default: ideal), at_speed (whether whiskers ring at the speed of the plan;
+    default: as on a slow stage), rng (needed with a sensor or a stage).
     """
     if len(others) != plan.array.kinds - 1:
         raise ValueError(

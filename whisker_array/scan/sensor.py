@@ -103,9 +103,8 @@ def draw_sensor_chain(
 ) -> SensorChain:
     """Draw a typical chain; whiskers differ slightly. Raises SensorError.
 
-    About three times the land moment as full scale, N mm, leaves room for enhancement (20 suits default_whisker(5.0)
-    with 6.5 N mm). The rms noise of one sample, and the rms drift of the zero in a minute, are shares of full scale
-    (the largest load); both were measured on whiskers.
+    A full scale, N mm, of three times the land moment leaves room for enhancement. The rms noise of a sample and the
+    rms drift of the zero in a minute are shares of full scale (the largest load); both were measured on whiskers.
     """
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)

@@ -25,10 +25,8 @@ BLOCK = 256
 def added_at_speed(
     height_mm: NDArray[np.float32], touch: Touch, *, sample_rate_hz: float
 ) -> NDArray[np.float32]:
-    """Moments to add, N mm, at heights (lines, samples) that are linear between samples; each line begins at rest.
-
-    Like a bench, which averages against aliasing, it gives means over each sample. Without a known ringing it is 0.
-    """
+    """Moments to add, N mm, at heights (lines, samples) that are linear between samples; each line begins at rest. They
+    are means over each sample, and 0 without a known ringing."""
     added, ringing = np.zeros_like(height_mm), touch.ringing
     if ringing is None:
         return added

@@ -59,11 +59,8 @@ class SurfacePose(OneLine):
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
-    """Displacement of the tip along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind.
-
-    A stage is set up with the tip, not the base, at the commanded position. So traces are labelled by the commanded
-    position, and this displacement, at the nominal friction, is subtracted.
-    """
+    """Displacement of the tip along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind. It is subtracted
+    at the nominal friction, because a stage is set up with the tip, not the base, at the commanded position."""
     force = np.array([-friction, 1.0, 0.0])
     shift = tip.compliance_mm_per_n @ force
     return float(preload_mm * shift[0] / shift[1])
@@ -72,10 +69,8 @@ def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
 def trace_contact(
     surface: TouchSurface, touch: Touch, plan: SweepPlan, *, pose: SurfacePose | None = None
 ) -> Traces:
-    """Trace the lines of a plan in the trace frame of an oriented surface, each whisker from rest.
-
-    The friction of the touch is the nominal one, which sets only `land_lag_mm`. Raises WhiskerError.
-    """
+    """Trace the lines of a plan in the trace frame of an oriented surface, each whisker from rest. The friction of the
+    touch is the nominal one, which sets only `land_lag_mm`. Raises WhiskerError."""
     require_positive(WhiskerError, step_mm=plan.step_mm)
     tip = touch.tip.pushed() if plan.pushed else touch.tip
     lines = np.ravel(np.asarray(plan.line_mm, dtype=np.float64))

@@ -44,10 +44,8 @@ def _look_up_posed(fields, x, z, inv_pitch, pose):  # type: ignore[no-untyped-de
 
 @inline_kernel
 def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
-    """Height and slopes of the track between bottom (h, p, q) and top, thickness, weight of the track's slopes.
-
-    `last` is the load of the last sample: slopes that changed with the present load would make the tip oscillate.
-    """
+    """Height and slopes of the track between bottom (h, p, q) and top, thickness, weight of the track's slopes. `last`
+    is the load of the last sample: slopes that changed with the present load would make the tip oscillate."""
     h_top, p_top, q_top, kappa, kappa_x, kappa_z = top
     thickness = max(h_top - h, 0.0)
     sinkage = min(load / kappa, thickness)
@@ -96,12 +94,9 @@ def _sinking_step(K, track, top, kappa, friction, balance, turning):  # type: ig
 
 @kernel(allow=FAST)
 def trace_abreast(fields, top, pose, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
-    """Trace a few lines, sample by sample; the state (previous tips) is local, so that blocks can run in parallel.
-
-    An iteration is one long chain of roots and quotients; those of several lines do not wait for each other. `top` is
-    None without soft dirt, and `pose` where the grid is that of the traces; numba then compiles the kernel without
-    their code.
-    """
+    """Trace a few lines abreast, whose long chains of roots and quotients do not wait for each other; the state
+    (previous tips) is local, so that blocks can run in parallel. `top` is None without soft dirt, and `pose` where the
+    grid is that of the traces; numba then compiles the kernel without their code."""
     inv_pitch = 1.0 / pitch
     cols = fields.shape[1]
     k00, k01, k02 = K[0, 0], K[0, 1], K[0, 2]
