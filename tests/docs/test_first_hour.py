@@ -60,6 +60,8 @@ if sys.argv[1:2] == ["demo"]:
     command[:1] = [sys.executable, "-c", {demo!r}]
 if sys.argv[1:2] != ["serve"]:
     os.execv(command[0], command)
+# here and not for all commands: `settings` would write it into the file, and the page sets the port there
+os.environ["TACTILE_MARKS_SERVICE_PORT"] = os.environ["SERVED_PORT"]
 pid = Path(os.environ["SERVICE_PID"])
 if pid.exists():
     before = int(pid.read_text())
@@ -72,7 +74,7 @@ log = pid.with_suffix(".log")
 with log.open("wb") as stream:
     process = subprocess.Popen(command, stdout=stream, stderr=stream, start_new_session=True)
 pid.write_text(str(process.pid))
-url = f"http://127.0.0.1:{{os.environ['TACTILE_MARKS_SERVICE_PORT']}}/healthz"
+url = f"http://127.0.0.1:{{os.environ['SERVED_PORT']}}/healthz"
 while process.poll() is None:
     try:
         urllib.request.urlopen(url, timeout=2.0)
@@ -157,7 +159,7 @@ def test_every_block_of_a_page_runs_from_an_empty_folder(
         "START": str(work),
         "DEMOS": str(demos),
         "SERVICE_PID": str(tmp_path / "service"),
-        "TACTILE_MARKS_SERVICE_PORT": str(port),
+        "SERVED_PORT": str(port),
         # one worker wherever a page does not name a number: each loads all libraries first
         "TACTILE_MARKS_WORKERS_JOBS": "1",
     }
