@@ -1,4 +1,4 @@
-"""The paper's closed forms, eqs. (17) to (27), as print and mechanics have them: what the general equations must give.
+"""The paper's closed forms, eqs. (17) to (24), as print and mechanics have them: what the general equations must give.
 
 The program integrates any chain of segments (`whisker_array.whisker.beam`) and takes F from eq. (16)
 (`whisker_array.whisker.enhancement`); frame and symbols are theirs.
@@ -11,9 +11,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whisker_array.estimation.estimate import _small_root, moment_per_lift
 from whisker_array.whisker.enhancement import _divide, _lift_and_turn, contact_direction, rotation
-from whisker_array.whisker.sections import Material, Section, WhiskerError
+from whisker_array.whisker.sections import Material, Section
 from whisker_array.whisker.shapes import Matrix, TipModel, Vector
 
 
@@ -116,93 +115,6 @@ def enhancement_level(*, alpha_rad: float, mu: float, k: float) -> float:
         1.0 - 1.5 * k * friction_slope(alpha_rad, mu),
         "alpha is the singular angle",
     )
-
-
-def enhancement_level_with_h(*, alpha_rad: float, mu: float, k: float) -> float:
-    """Eq. (25): F = (1 + 1.5 k mu) / (1 + 1.5 k h(alpha, mu)).
-
-    The print is right: h = -g exactly, so that (25) is (24). But (26) is 0/0 in form at alpha = 0
-    and loses digits near it; compute with (24).
-
-    Raises:
-        WhiskerError: alpha is 0 or the singular angle.
-    """
-    h = h_of_paper(alpha_rad, mu)
-    return _divide(1.0 + 1.5 * k * mu, 1.0 + 1.5 * k * h, "alpha is the singular angle")
-
-
-def h_of_paper(alpha_rad: float, mu: float) -> float:
-    """Eq. (26): h = 1/tan(alpha) - (tan(alpha) + 1/tan(alpha)) / (mu tan(alpha) + 1), which is -g of (23).
-
-    (mu t + 1 - t^2 - 1) / (t (mu t + 1)) = (mu - t) / (mu t + 1). Not the surface height h(x, z).
-
-    Raises:
-        WhiskerError: alpha = 0, where the form is 0/0 (its limit is mu).
-    """
-    rotation(alpha_rad), contact_direction(mu)  # refuse what is out of range
-    t = math.tan(alpha_rad)
-    what = "eq. (26) is 0/0 at alpha = 0"
-    return _divide(1.0, t, what) - _divide(t + _divide(1.0, t, what), mu * t + 1.0, "the force is horizontal")
-
-
-def enhancement_frictionless(*, alpha_rad: float, k: float) -> float:
-    """Eq. (27), mu = 0: F = 1 / (1 - 1.5 k tan(alpha)).
-
-    Raises:
-        WhiskerError: alpha is the singular angle.
-    """
-    rotation(alpha_rad)  # refuses what is out of range
-    return _divide(1.0, 1.0 - 1.5 * k * math.tan(alpha_rad), "alpha is the singular angle")
-
-
-def singular_angle_rad(k: float, *, mu: float = 0.0) -> float:
-    """Where F of (24) is singular, rad: alpha_1 = atan(2 / (3 k)) of the paper, plus atan(mu) with friction.
-
-    The paper gives the frictionless angle; with g = tan(alpha - atan mu) friction moves it up. At pi/2 or
-    beyond no slope is singular. k = 0 (straight) gives pi/2 + atan(mu).
-
-    Raises:
-        WhiskerError: k or mu negative or not finite.
-    """
-    contact_direction(mu)  # refuses what is out of range
-    if not (math.isfinite(k) and k >= 0.0):
-        raise WhiskerError(f"k is {k}", hint="l2 / l1 is finite and not negative")
-    return math.atan2(2.0, 3.0 * k) + math.atan(mu)
-
-
-def lift_from_slope(
-    moment_n_mm: ArrayLike, slope: ArrayLike, tip: TipModel, *, mu: float
-) -> NDArray[np.float64]:
-    """Eqs. (11) and (14) solved for the lift d0 + h, mm, at a slope dh/dx; NaN where it would jam."""
-    theta = np.arctan(np.asarray(slope, dtype=np.float64)) + np.arctan(mu)
-    theta = np.where(np.abs(theta) < np.pi / 2.0, theta, np.nan)
-    return np.asarray(moment_n_mm, dtype=np.float64) / moment_per_lift(theta, tip)
-
-
-def slope_from_turned(
-    one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel, *, mu: float
-) -> NDArray[np.float64]:
-    """Slope dh/dx where one differentiator passed dragged both ways, turned about between; no lift needed.
-
-    q = G(tau + phi) / G(-tau + phi) is a quadratic in tan(tau). (Dragged and *pushed* will not do: that quotient
-    rises and falls again with tau, so two slopes answer to it.)
-
-    Args:
-        one_n_mm: moment with the base ahead in +x.
-        turned_n_mm: moment with the base ahead in -x.
-        tip: the differentiator.
-        mu: friction.
-
-    Returns:
-        dh/dx = tan(tau), the broadcast shape; NaN where the moments fit no slope.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        q = np.asarray(one_n_mm, dtype=np.float64) / np.asarray(turned_n_mm, dtype=np.float64)
-    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
-    # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
-    a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
-    c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
-    return _small_root(b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q))
 
 
 def is_jammed(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.bool_]:

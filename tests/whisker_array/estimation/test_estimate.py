@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.support.paper import is_jammed, lift_from_slope, slope_from_turned
+from tests.support.paper import is_jammed
 from whisker_array.estimation.estimate import (
     friction_from_shapes,
     friction_from_two_ways,
@@ -73,24 +73,6 @@ def test_friction_comes_back_from_two_ways_whatever_the_gain(
     tip = l_shaped(k, beta, l3)
     dragged, pushed = felt(0.0, mu, tip, lift_mm), felt(0.0, mu, tip.pushed(), lift_mm)
     assert float(friction_from_two_ways(gain * dragged, gain * pushed, tip)) == pytest.approx(mu, abs=EXACT)
-
-
-@given(ks, betas, slopes, frictions, preloads, st.floats(0.5, 2.0))
-def test_the_slope_comes_back_from_a_turned_whisker_whatever_lift_and_gain(
-    k: float, beta: float, slope: float, mu: float, lift_mm: float, gain: float
-) -> None:
-    tip = l_shaped(k, beta)
-    one, turned = felt(slope, mu, tip, lift_mm), felt(-slope, mu, tip, lift_mm)
-    found = slope_from_turned(gain * one, gain * turned, tip, mu=mu)
-    assert float(found) == pytest.approx(slope, abs=EXACT)
-
-
-@given(ks, betas, st.floats(-0.5, 1.5), slopes, frictions, preloads)
-def test_the_lift_comes_back_from_a_known_slope(
-    k: float, beta: float, l3: float, slope: float, mu: float, lift_mm: float
-) -> None:
-    tip = l_shaped(k, beta, l3)
-    assert float(lift_from_slope(felt(slope, mu, tip, lift_mm), slope, tip, mu=mu)) == pytest.approx(lift_mm)
 
 
 @given(ks, betas, slopes, frictions, preloads)
@@ -160,8 +142,6 @@ def test_what_cannot_be_is_nan_and_leaves_its_neighbours_alone() -> None:
     # beta = 0: a dragged tip jams beyond tan(theta) = -1 / (1.5 k), 80 degrees of falling wall
     assert np.isnan(moment_per_lift(math.radians(-81.0), tip))
     land = float(moment_per_lift(0.0, tip))
-    lift = lift_from_slope(np.full(3, land), np.array([0.0, 5.0, -0.5]), tip, mu=0.5)
-    np.testing.assert_array_equal(np.isfinite(lift), [True, False, True])  # 79 + 27 degrees: beyond upright
     theta = lean_from_moment(np.array([land, 0.0, -land, np.nan]), 1.0, tip)
     np.testing.assert_array_equal(np.isfinite(theta), [True, False, False, False])
     assert theta[0] == pytest.approx(0.0, abs=1e-12)

@@ -10,16 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tests.factories import extruded
-from tests.support.paper import (
-    enhancement_frictionless,
-    enhancement_l_shaped,
-    enhancement_level,
-    enhancement_level_with_h,
-    friction_slope,
-    h_of_paper,
-    is_jammed,
-    singular_angle_rad,
-)
+from tests.support.paper import enhancement_l_shaped, enhancement_level, is_jammed
 from tests.support.trace_frame import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
@@ -67,7 +58,6 @@ def test_known_answers(k: float, mu: float, alpha: float, known: float) -> None:
         enhancement_factor(level(k), alpha_rad=alpha, mu=mu),
         enhancement_l_shaped(alpha_rad=alpha, mu=mu, k=k),
         enhancement_level(alpha_rad=alpha, mu=mu, k=k),
-        enhancement_level_with_h(alpha_rad=alpha, mu=mu, k=k),
         float(moment_ratio(-math.tan(alpha), mu, level(k, axial=True))),
     ):
         assert found == pytest.approx(known, abs=5.5e-4)
@@ -87,47 +77,6 @@ def test_eq_22_is_eq_16(alpha: float, mu: float, beta: float, k: float, l3: floa
     closed = enhancement_l_shaped(alpha_rad=alpha, mu=mu, k=k, beta_rad=beta, arm_offset=k - l3 / 30.0)
     general = enhancement_factor(model, alpha_rad=alpha, mu=mu)
     assert closed == pytest.approx(general, rel=1e-7)
-
-
-@given(alpha=alphas, mu=mus, beta=st.floats(-0.5, 0.5))
-def test_straight_whisker_is_a_profilometer(alpha: float, mu: float, beta: float) -> None:
-    g = math.tan(alpha - math.atan(mu))
-    assume(abs(math.cos(beta) - math.sin(beta) * g) > 0.1 and abs(alpha - math.atan(mu)) < 1.5)
-    assert enhancement_l_shaped(alpha_rad=alpha, mu=mu, k=0.0, beta_rad=beta) == pytest.approx(1.0, rel=1e-12)
-
-
-@given(alpha=alphas, mu=mus)
-def test_g_is_the_tangent_less_the_friction_angle(alpha: float, mu: float) -> None:
-    assume(abs(abs(alpha - math.atan(mu)) - math.pi / 2) > 1e-3)
-    expected = math.tan(alpha - math.atan(mu))
-    assert friction_slope(alpha, mu) == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-@given(alpha=alphas, mu=mus)
-def test_h_of_the_print_is_minus_g(alpha: float, mu: float) -> None:
-    assume(abs(alpha) > 1e-3 and abs(1 + mu * math.tan(alpha)) > 1e-2)
-    assert h_of_paper(alpha, mu) == pytest.approx(-friction_slope(alpha, mu), rel=1e-6, abs=1e-9)
-
-
-@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
-def test_eq_27_is_eq_24_without_friction(alpha: float) -> None:
-    expected = enhancement_level(alpha_rad=alpha, mu=0.0, k=0.117)
-    assert enhancement_frictionless(alpha_rad=alpha, k=0.117) == pytest.approx(expected, rel=1e-14)
-
-
-@pytest.mark.parametrize("mu", [0.0, 0.3])
-def test_singular_angle(mu: float) -> None:
-    k = 0.8
-    alpha = singular_angle_rad(k, mu=mu)
-    assert math.tan(singular_angle_rad(k)) == pytest.approx(2 / (3 * k))
-    assert 1.0 - 1.5 * k * friction_slope(alpha, mu) == pytest.approx(0.0, abs=1e-12)
-    below = enhancement_level(alpha_rad=alpha - 1e-6, mu=mu, k=k)
-    above = enhancement_level(alpha_rad=alpha + 1e-6, mu=mu, k=k)
-    assert below > 1e5
-    assert above < -1e5
-    assert singular_angle_rad(0.0) == pytest.approx(math.pi / 2)
-    jam = is_jammed([-math.tan(alpha - 1e-6), -math.tan(alpha + 1e-6)], mu, level(k))
-    assert jam.tolist() == [False, True]
 
 
 def test_rotation_and_force() -> None:
@@ -171,13 +120,9 @@ def test_moment_ratio_keeps_shape_and_marks_jams() -> None:
 def test_refusals_say_what_is_wrong() -> None:
     model = level(0.117)
     with pytest.raises(WhiskerError, match="radians"):
-        friction_slope(45.0, 0.1)
+        rotation(45.0)
     with pytest.raises(WhiskerError, match=r"mu is -0\.1"):
         contact_direction(-0.1)
-    with pytest.raises(WhiskerError, match="0/0"):
-        h_of_paper(0.0, 0.1)
-    with pytest.raises(WhiskerError, match="k is"):
-        singular_angle_rad(-1.0)
     with pytest.raises(WhiskerError, match="jams"):
         normal_force_n(model, lift_mm=1.0, alpha_rad=-1.3, mu=0.5)
     backwards = LShaped(30.0, 3.0, None, -1.4, Rectangle(0.3, 4.5)).tip_model()
