@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glyphs.soiling.caked import DRY_FRICTION, LEAST_MPA, OILY_FRICTION, OLD_MPA, YOUNG_MPA, caked
+from glyphs.soiling.caked import LEAST_MPA, OLD_MPA, YOUNG_MPA, caked
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.mud import sheets as model
 from glyphs.soiling.mud.grid import Grid, thin_grid
 from glyphs.soiling.mud.sheets import HARDNESS_MPA, mud
-from glyphs.soiling.paint.coats import WET_MM, level_film, paint
+from glyphs.soiling.paint.coats import level_film, paint
 from glyphs.soiling.weld.grinder import FURROW_MM, crown, grind
 from glyphs.soiling.weld.molten import Seam, add_arc_strikes, add_spatter
-from glyphs.soiling.weld.plate import SCALE_MM, _add_scale, weld
+from glyphs.soiling.weld.plate import weld
 from glyphs.surface.noise import Field
 from tests.support.coats import bare_part
 
@@ -103,13 +103,6 @@ def test_narrow_grooves_are_roofed_before_wide_ones_and_roofs_yield() -> None:
 def test_all_of_it_may_yield_and_nothing_under_it() -> None:
     soiled = _caked(0.6, 2)
     np.testing.assert_allclose(soiled.soft_mm, _cake_mm(0.6, 2), atol=1e-6)
-
-
-def test_oily_slides_dry_drags() -> None:
-    friction = np.concatenate([_caked(1.0, s).friction.ravel() for s in SEEDS])
-    assert friction.min() >= OILY_FRICTION - 1e-3
-    assert friction.max() <= DRY_FRICTION + 1e-3
-    assert np.quantile(friction, 0.9) - np.quantile(friction, 0.1) > 0.2
 
 
 # --------------------------------------------------------------------------------------------------------------- mud
@@ -278,15 +271,6 @@ def test_no_paint_is_lost_and_it_pools_in_grooves() -> None:
     assert film.min() >= 0.3 * 0.1 - 1e-6
 
 
-def test_a_coat_on_open_land_is_as_thick_as_coats_are() -> None:
-    land = _clean().hollow_mm() == 0.0
-    thickness = [np.median((_painted(1.0, seed).z_mm - _clean().z_mm)[land]) for seed in range(8)]
-    # three coats; what dries keeps 0.42 to 0.77 of its volume, and much of it lies in the grooves
-    assert min(thickness) > 3 * WET_MM[0] * 0.42 * 0.5
-    assert max(thickness) < 3 * WET_MM[1] * 0.77
-    assert np.mean(thickness) == pytest.approx(0.25, abs=0.15)
-
-
 def test_enamel_is_hard_and_chassis_paint_yields() -> None:
     coats = [_painted(0.8, seed) for seed in range(12)]
     hard = [c for c in coats if c.soft_mm.max() == 0.0]
@@ -357,18 +341,6 @@ def test_a_disc_takes_tops_and_leaves_floors() -> None:
     assert bright[land].mean() > bright[floor].mean()
     # a burr is at most a third of the deepest furrow high; the lip over an edge stays below the disc
     assert (z - coat.z_mm)[land].max() < 0.35 * FURROW_MM[1] + 0.1 * depth
-
-
-def test_scale_is_thin_dark_and_in_plates() -> None:
-    coat = _welded_coat()
-    for seed in range(4):
-        z, cover = _add_scale(coat, 1.0, np.random.default_rng(seed))
-        rise = (z - coat.z_mm)[cover > 0.99]
-        assert rise.min() >= SCALE_MM[0] - 1e-5
-        # lifted ends stand up to 8 * 0.3 of the thickness higher
-        assert rise.max() <= 3.4 * SCALE_MM[1] + 1e-5
-        # three in ten of the plates never held, and cracks take their share
-        assert 0.3 < cover.mean() < 0.8
 
 
 def test_an_arc_strike_is_a_crater_with_a_rim() -> None:

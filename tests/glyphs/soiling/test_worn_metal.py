@@ -14,7 +14,7 @@ from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
 from glyphs.soiling.rust.corrosion import draw_pits, mark_depth_mm, rust
 from glyphs.soiling.wear import rubbing as wear
 from glyphs.soiling.wear.bench import on_bench
-from glyphs.soiling.wear.blows import MOST_HITS, dimples, knock, peen
+from glyphs.soiling.wear.blows import knock, peen
 from glyphs.soiling.wear.rubbing import wear as worn
 from glyphs.surface.noise import Field
 from tests.support.coats import bare_part
@@ -243,14 +243,6 @@ def test_peening_moves_metal_and_takes_none() -> None:
     assert moved[groove].mean() > 0.1 * deep
     assert moved[~groove].mean() < 0.0
     assert 0.0 <= hit.min() <= hit.max() <= 1.0
-
-
-@pytest.mark.parametrize("amount", [0.3, 0.6, 1.0])
-def test_dents_cover_as_random_hits_do(amount: float) -> None:
-    """1 - exp(-k), with k growing as the time of blasting until 0.9."""
-    coat = _worn_coat()
-    cover = np.mean([(dimples(coat, amount, np.random.default_rng(s)) > 0.0).mean() for s in range(12)])
-    assert cover == pytest.approx(1.0 - np.exp(-MOST_HITS * min(amount / 0.9, 1.0)), abs=0.08)
 
 
 def test_knocks_pile_metal_up_beside_them() -> None:

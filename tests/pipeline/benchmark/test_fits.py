@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from glyphs.soiling.severity import AMOUNTS, KNOTS, MANIFEST, amount_of
-from glyphs.soiling.soiled import WORKSHOP
 from glyphs.soiling.soils import SOILS
 from recognition.active.gain import Gain, WayGain
 from recognition.active.moves import Way
 from tests.benchmarks.fit_gain import Tried, fit_gain, loss_nats
-from tests.benchmarks.soil_severity import CHECK_SEED, SEED, _short, fitted
+from tests.benchmarks.soil_severity import _short, fitted
 
 
 def test_a_fit_finds_the_gain_that_made_its_steps() -> None:
@@ -35,15 +34,6 @@ def test_a_fit_finds_the_gain_that_made_its_steps() -> None:
         assert gain.chance(*case) == pytest.approx(true.chance(*case), abs=0.08)
     with pytest.raises(ValueError, match="some made the serial sure"):
         fit_gain(tried[:0])
-
-
-def test_the_amounts_in_use_are_those_that_were_measured() -> None:
-    manifest = json.loads(MANIFEST.read_text("utf-8"))
-    assert {soil: list(amounts) for soil, amounts in AMOUNTS.items()} == manifest["amounts"]
-    assert list(KNOTS) == manifest["knots"]
-    assert manifest["soils"] == list(SOILS)
-    assert manifest["seeds"] == {"fit": SEED, "check": CHECK_SEED}
-    assert manifest["fit"].keys() == manifest["check"].keys() == set(SOILS)
 
 
 def test_the_amounts_follow_from_the_losses_that_are_kept() -> None:
@@ -67,9 +57,3 @@ def test_severity_runs_from_nothing_upwards(soil: str) -> None:
     assert all(a < b for a, b in pairwise(amounts))
     assert amounts[-1] <= 1.0
     assert amount_of(soil, KNOTS[3]) == amounts[3]
-
-
-def test_the_workshops_severity_is_its_amount() -> None:
-    assert WORKSHOP not in AMOUNTS
-    assert set(AMOUNTS) == set(SOILS) - {WORKSHOP}
-    assert amount_of(WORKSHOP, 0.37) == pytest.approx(0.37)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from recognition.active.active_reader import region_around
 from recognition.active.active_reading import StopReason
-from recognition.active.gain import Gain, WayGain, fitted_gain, sureness
+from recognition.active.gain import Gain, WayGain, sureness
 from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, next_step
 from recognition.active.policy import Drawn, Greedy, Ladder, Progress
 from recognition.see.text_line import TextLine
@@ -138,15 +138,6 @@ def test_no_step_is_taken_that_is_not_worth_it() -> None:
     assert isinstance(Greedy(gain(), worth_s=1e6).choose(vain, FIELD, left_s=1e9), Step)
     with pytest.raises(ValueError, match="worth_s"):
         Greedy(gain(), worth_s=0.0)
-
-
-def test_the_gain_in_use_says_what_experience_says() -> None:
-    known = fitted_gain()
-    for way in Way:
-        surer = [known.chance(way, {Way.ALONG: 6}, (c,) * 3) for c in (0.001, 0.03, 0.5)]
-        assert surer == sorted(surer)
-        vain = [known.chance(way, {Way.ALONG: 8}, (0.05,) * n) for n in (2, 5, 12)]
-        assert vain == sorted(vain, reverse=True)
 
 
 def test_sureness_is_that_of_the_surest_of_the_last_looks() -> None:

@@ -288,11 +288,3 @@ def test_lines_may_be_combined_at_once() -> None:
         *(np.stack([getattr(one, f.name) for one in lines]) for f in fields(LineExperts)[:3])
     )
     np.testing.assert_allclose(together(stacked), [together(one) for one in lines])
-
-
-@pytest.mark.parametrize("sense", ["tactile", "vision"])
-def test_the_fitted_weights_let_everyone_speak(sense: str) -> None:
-    weights = fitted_weights(sense)
-    assert 0.0 < weights.covered < 1.0
-    assert 0.0 < weights.together <= 1.0
-    assert min(weights.network, weights.sharpness) > 0.0

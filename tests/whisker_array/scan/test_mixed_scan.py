@@ -293,11 +293,9 @@ def test_recordings_keep_the_offsets(tmp_path: Path) -> None:
     path = tmp_path / "scan.h5"
     save_scan(made, path)
     again = load_scan(path)
+    assert_same_scan(made, again)
     for one, other in zip(made.sweeps, again.sweeps, strict=True):
-        np.testing.assert_array_equal(one.moment_n_mm, other.moment_n_mm)
-        np.testing.assert_array_equal(one.flags, other.flags)
         assert one.plan.offset_mm == pytest.approx(other.plan.offset_mm)
-        assert (one.plan.start_mm, one.plan.n_samples) == (other.plan.start_mm, other.plan.n_samples)
     with h5py.File(path, "r+") as file:
         np.testing.assert_allclose(file["whisker/offset_mm"], [0.0, 2.0, 4.0, 0.0])
         # one row of the file is one instant: passes are longer by the last row's offset

@@ -45,13 +45,6 @@ def test_ideal_chain_changes_nothing() -> None:
     assert not saturated.any()
 
 
-def test_gain_and_offset_go_by_whisker() -> None:
-    chain = SensorChain(np.array([1.0, 2.0]), np.array([0.5, -0.5]))
-    raw, _ = run(np.full((3, 2, 4), LAND), chain)
-    np.testing.assert_allclose(raw[:, 0], LAND + 0.5)
-    np.testing.assert_allclose(raw[:, 1], 2 * LAND - 0.5)
-
-
 def test_noise_has_its_rms_and_is_white() -> None:
     n = 20_000
     chain = SensorChain(np.ones(2), np.zeros(2), noise_n_mm=0.01)

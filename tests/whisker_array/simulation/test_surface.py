@@ -131,15 +131,6 @@ def test_lines_are_sampled_bilinearly() -> None:
     np.testing.assert_array_equal(missing[2], np.abs(at - 1.0) < PITCH)
 
 
-def test_friction_is_checked() -> None:
-    plate = HeightMap(rough(8), PITCH)
-    with pytest.raises(MapError, match="does not fit"):
-        prepare_surface(plate, friction=np.full((3, 3), 0.2, dtype=np.float32))
-    for wrong in (-0.1, np.nan, np.full(plate.shape, -0.1, dtype=np.float32)):
-        with pytest.raises(MapError, match="not negative"):
-            prepare_surface(plate, friction=wrong)
-
-
 # --- fit_pitch
 
 
