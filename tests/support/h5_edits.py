@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import h5py
+import numpy as np
 
 Edit = Callable[[h5py.File], object]
 
@@ -27,6 +28,16 @@ def drop(*names: str) -> Edit:
         for name in names:
             if name in file:
                 del file[name]
+
+    return change
+
+
+def unwritten(name: str, shape: tuple[int, ...], **how: Any) -> Edit:
+    """A dataset of single precision of which nothing is written, in place of the one there is."""
+
+    def change(file: h5py.File) -> None:
+        drop(name)(file)
+        file.create_dataset(name, shape, np.float32, **how)
 
     return change
 

@@ -13,7 +13,7 @@ import pytest
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
-from tests.support.h5_edits import Edit, attribute, drop, put
+from tests.support.h5_edits import Edit, attribute, drop, put, unwritten
 from tests.support.scans import ROUGH_PLAN, assert_same_scan, rough_plate
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
@@ -165,17 +165,6 @@ def test_a_calibration_leaves_the_rest_as_it_is(scan: Scan, recording: Path, tmp
         save_calibration(recording, Calibration(np.ones(2), np.zeros(2)))
 
 
-def _sparse(file: h5py.File) -> None:
-    rows = file["scan/signal"].shape[0]
-    del file["scan/signal"]
-    file.create_dataset("scan/signal", (rows, 3), np.float32, chunks=(64, 3))
-
-
-def _vast(file: h5py.File) -> None:
-    del file["scan/signal"]
-    file.create_dataset("scan/signal", (10_000_000_000, 3), np.float32, chunks=(4096, 3))
-
-
 def _uneven(file: h5py.File) -> None:
     del file["passes/start_mm"]
     file["stage/position_mm"][20:30, 0] += 3.0
@@ -195,8 +184,8 @@ BROKEN: dict[str, tuple[Edit, str]] = {
     "complex signal": (put("scan/signal", np.zeros((9, 3), complex)), "not numbers"),
     "flat signal": (put("scan/signal", np.zeros(9)), "has shape"),
     "empty signal": (put("scan/signal", np.zeros((0, 3))), "is empty"),
-    "sparse signal": (_sparse, "never written"),
-    "vast signal": (_vast, "over the limit"),
+    "sparse signal": (unwritten("scan/signal", (100, 3), chunks=(64, 3)), "never written"),
+    "vast signal": (unwritten("scan/signal", (10_000_000_000, 3), chunks=(4096, 3)), "over the limit"),
     "short pass": (put("stage/pass", np.zeros(5, int)), "has shape"),
     "fractional pass": (put("stage/pass", np.zeros(5)), "not whole numbers"),
     "pass unknown": (lambda file: file["stage/pass"].__setitem__(0, 999), "pass 999"),
