@@ -175,16 +175,6 @@ def test_a_format_leaves_only_what_it_allows(make_part: Make, reader: Readers) -
         assert all(c.char.isdigit() == (k % 2 == 1) for c in character.candidates)
 
 
-def test_a_plate_without_marks_has_no_characters(reader: Readers) -> None:
-    # of any height: test_no_text.py
-    surface = HeightMap(np.zeros((40, 60)), 0.1)
-    reading = reader(height_mm=5.0).read(surface)
-    assert reading.text == ""
-    assert reading.decision is Decision.REJECT
-    assert ReadingFlag.NO_CHARACTERS in reading.flags
-    assert reading.confidence == 0.0
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

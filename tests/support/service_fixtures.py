@@ -113,3 +113,14 @@ def triggered(served: Served, name: str, job: str = "") -> PartRecord:
         return client.portal.call(service.intake.trigger, name, job)
     except Exception as error:
         raise problem_of(error) from error
+
+
+def is_problem(answer: Any, status: int, words: str = "") -> bool:
+    """Whether an answer is a problem with these words, and says when to ask again if it is the service's own."""
+    return (
+        answer.status_code == status
+        and answer.headers["content-type"] == "application/problem+json"
+        and answer.json()["status"] == status
+        and words in answer.json()["detail"]
+        and (status != 503 or int(answer.headers["retry-after"]) > 0)
+    )

@@ -36,8 +36,8 @@ def points() -> NDArray[np.float64]:
     return np.column_stack([x.ravel(), y.ravel(), PART.z_mm.ravel()])
 
 
-def mesh(corners: NDArray[np.float64]) -> trimesh.Trimesh:
-    k = np.arange(ROWS * COLS).reshape(ROWS, COLS)
+def mesh(corners: NDArray[np.float64], shape: tuple[int, int] = (ROWS, COLS)) -> trimesh.Trimesh:
+    k = np.arange(len(corners)).reshape(shape)
     a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
     return trimesh.Trimesh(
         corners, np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)]), process=False
@@ -62,13 +62,9 @@ SMALL = PART.z_mm[100:140, 100:150]
 
 def small_mesh() -> trimesh.Trimesh:
     """Some of the part."""
-    rows, cols = SMALL.shape
     row, col = np.indices(SMALL.shape)
     corners = np.column_stack([col.ravel() * PART.pitch_mm, -row.ravel() * PART.pitch_mm, SMALL.ravel()])
-    k = np.arange(rows * cols).reshape(rows, cols)
-    a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
-    faces = np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-    return trimesh.Trimesh(corners, faces, process=False)
+    return mesh(corners, SMALL.shape)
 
 
 def grouped_obj() -> str:

@@ -19,12 +19,13 @@ from pipeline.reading.triage import ReadPart
 from pipeline.store.errors import StoreError
 from pipeline.store.store import Store
 from tests.support.postgres_server import PostgresServer
-from tests.support.service_fixtures import Served, inline_service
+from tests.support.service_fixtures import Served, inline_service, is_problem
 from tests.support.store_samples import reading
 from tests.support.waiting import wait_until
 
 SILENT_S, CONNECT_S = 0.5, 2.0  # the driver waits no less to connect
 MOST_S = 2.0 * (SILENT_S + CONNECT_S)
+NO_ANSWER = "the store does not answer"
 
 
 @pytest.fixture
@@ -44,14 +45,6 @@ def served(url: str, tmp_path: Path) -> Iterator[Served]:
 def sent(client: TestClient, key: str) -> Any:
     photo = {"photo": ("part.png", b"\x89PNG\r\n\x1a\n" + key.encode())}
     return client.post("/v1/parts", files=photo, headers={"Idempotency-Key": key})
-
-
-def says_later(answer: Any) -> bool:
-    return (
-        answer.status_code == 503
-        and int(answer.headers["retry-after"]) > 0
-        and "the store does not answer" in answer.json()["detail"]
-    )
 
 
 def timed(call: Callable[[], Any]) -> tuple[Any, float]:
@@ -81,7 +74,7 @@ def test_requests_are_answered_while_the_database_is_frozen(postgres: PostgresSe
     assert sent(client, "before").status_code == 201
     with postgres.frozen():
         answer, took_s = timed(lambda: sent(client, "while"))
-        assert says_later(answer), answer.text
+        assert is_problem(answer, 503, NO_ANSWER), answer.text
         assert took_s < MOST_S
         for path in ("/readyz", "/v1/parts"):
             answer, took_s = timed(lambda at=path: client.get(at))
@@ -114,7 +107,7 @@ def test_a_part_whose_transaction_is_frozen_is_stored_whole_or_not_at_all(
     sa.event.listen(service.store._engine, "commit", commit)
     with contextlib.ExitStack() as frozen:
         answer, took_s = timed(lambda: sent(client, "one"))
-        assert says_later(answer), answer.text
+        assert is_problem(answer, 503, NO_ANSWER), answer.text
         assert took_s < MOST_S
     again = sent(client, "one")
     assert again.status_code == (200 if at == "commit" else 201)
@@ -137,7 +130,7 @@ def test_a_database_that_takes_no_writes_is_not_ready(url: str, served: Served) 
     _, client = served
     name = url.split("/")[3].split("?")[0]
     executed(url, f"ALTER DATABASE {name} SET default_transaction_read_only = on")  # as after a fail-over
-    assert says_later(sent(client, "one"))
+    assert is_problem(sent(client, "one"), 503, NO_ANSWER)
     ready = client.get("/readyz")
     assert (ready.status_code, "the store is read-only" in ready.json()["detail"]) == (503, True)
     executed(url, f"ALTER DATABASE {name} RESET default_transaction_read_only")
@@ -168,7 +161,7 @@ def test_the_fate_of_the_last_write_counts(served: Served) -> None:
         other.execute("ALTER TABLE parts ADD CONSTRAINT none CHECK (id = '') NOT VALID")
         other.commit()
         assert client.get("/readyz").status_code == 200
-        assert says_later(sent(client, "one"))
+        assert is_problem(sent(client, "one"), 503, NO_ANSWER)
         assert client.get("/readyz").status_code == 503
         other.execute("ALTER TABLE tactile_marks_version DROP CONSTRAINT none")
         other.execute("ALTER TABLE parts DROP CONSTRAINT none")

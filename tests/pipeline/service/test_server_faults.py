@@ -33,7 +33,7 @@ from pipeline.service.web_app import create_app
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.machine import Machine
 from pipeline.workers.options import PoolSettings
-from tests.support.service_fixtures import Served, inline_service
+from tests.support.service_fixtures import Served, inline_service, is_problem
 from tests.support.store_samples import PLAN, reading
 from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
@@ -59,15 +59,6 @@ def sent(client: TestClient, plate: bytes) -> Any:
     return client.post("/v1/parts", files={"scan": ("part.npz", plate)})
 
 
-def is_server_fault(answer: Any) -> bool:
-    return (
-        answer.status_code == 503
-        and answer.headers["content-type"] == "application/problem+json"
-        and int(answer.headers["retry-after"]) > 0
-        and answer.json()["status"] == 503
-    )
-
-
 @pytest.mark.parametrize(
     ("where", "code"),
     [("mkdtemp", errno.ENOSPC), ("replace", errno.EROFS), ("fsync", errno.EIO)],
@@ -80,7 +71,7 @@ def test_a_disk_that_does_not_take_files_is_not_the_senders_fault(
     with monkeypatch.context() as patched:
         module = "pipeline.store.evidence_folder.tempfile" if where == "mkdtemp" else "os"
         patched.setattr(f"{module}.{where}", Mock(side_effect=OSError(code, os.strerror(code))))
-        assert is_server_fault(sent(client, plate))
+        assert is_problem(sent(client, plate), 503)
         if where == "fsync":
             ready = client.get("/readyz")
             assert ready.status_code == 503
@@ -97,7 +88,7 @@ def test_no_room_for_an_upload_that_is_coming_is_not_its_senders_fault(
         "starlette.formparsers.SpooledTemporaryFile",
         Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))),
     )
-    assert is_server_fault(sent(served[1], b"x" * 100))
+    assert is_problem(sent(served[1], b"x" * 100), 503)
 
 
 def test_a_disk_that_is_nearly_full_is_not_ready(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,7 +136,7 @@ def test_a_lost_worker_is_a_verdict_on_the_part_only_if_it_would_be_lost_again(
     answer = sent(client, plate)
     assert (answer.status_code, left) == (status, [])
     if status == 503:
-        assert is_server_fault(answer)
+        assert is_problem(answer, 503)
     assert client.get("/metrics").text.count(f"tactile_marks_workers_lost_total {len(losses)}.0") == 1
 
 
@@ -162,9 +153,9 @@ def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_
         return read_at_once()
 
     service.pool.instead = work  # type: ignore[attr-defined]
-    assert is_server_fault(sent(client, plate))
+    assert is_problem(sent(client, plate), 503)
     assert client.get("/readyz").status_code == 200  # one may be the part's own
-    assert is_server_fault(sent(client, plate))
+    assert is_problem(sent(client, plate), 503)
     ready = client.get("/readyz")
     assert (ready.status_code, "took longer than 60 s" in ready.json()["detail"]) == (503, True)
     broken.clear()
@@ -212,7 +203,7 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
             )
             answer = client.post(f"/v1/parts/{part_id}/touch")
             assert answer.status_code == status, answer.text
-            assert is_server_fault(answer) == (status == 503)
+            assert is_problem(answer, 503) == (status == 503)
             assert client.get(f"/v1/parts/{part_id}").json()["state"] == "touch_needed"
             assert client.get("/readyz").status_code == 503
     finally:
@@ -248,7 +239,7 @@ def test_an_unusable_database_is_opened_again_once_it_changes_and_forgotten_once
             path.write_bytes(content)
             before = checks(service)
             read = client.post("/v1/parts", files={"scan": ("part.npz", plate)}, data={"database": "die"})
-            assert is_server_fault(read), read.text
+            assert is_problem(read, 503), read.text
             for _ in range(3):
                 client.portal.call(service.intake.calls.recheck)  # type: ignore[union-attr]
             assert checks(service) == before + 1

@@ -10,14 +10,6 @@ from pipeline.workers import machine
 from pipeline.workers.machine import LEAST_WORKER_MB, Machine
 
 
-def test_nothing_need_be_set() -> None:
-    settings = ServiceSettings()
-    assert host_and_port(settings.port) == ("127.0.0.1", 8417)
-    assert not settings.tokens_asked
-    assert settings.store_url.startswith("sqlite:////")
-    assert settings.store_url.endswith("tactile-marks-data/store.db")
-
-
 @pytest.mark.parametrize(
     ("host", "alone"),
     [("127.0.0.1", True), ("127.8.9.1", True), ("[::1]", True), ("localhost", True), ("0.0.0.0", False),

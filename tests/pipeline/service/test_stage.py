@@ -353,24 +353,17 @@ def test_a_part_is_not_felt_after_the_time_of_its_trigger(tmp_path: Path, nest: 
         assert nest.felt == []
 
 
-def test_a_part_that_the_stage_has_not_felt_in_the_triggers_call_is_never_felt_unasked(
+def test_why_a_part_was_not_felt_is_shown_and_a_person_may_have_it_felt(
     tmp_path: Path, nest: type[Nest]
 ) -> None:
     nest.air = False
     stage = {"device": "pipeline.formats.synth:nest"}
     with inline_service(tmp_path / "s", instead=read_unsurely, stage=stage) as served:
         part = served[1].post("/v1/parts", files=PHOTO, data=TRIGGER).json()
-        assert (part["state"], part["text"]) == ("review", "KX4O7251")
-        assert part["not_felt"] == (
-            "the stage has not felt it: the air pressure is low; check the compressor"
-        )
-        nest.air = True  # by now another part lies there
-        looks(served)
-        assert nest.felt == []
         page = served[1].get(f"/parts/{part['id']}", headers={"accept": "text/html"}).text
         assert "the air pressure is low" in page
         assert f'action="../parts/{part["id"]}/touch"' in page
-        # a person has put it back, and says so
+        nest.air = True  # a person has put it back, and says so
         assert served[1].post(f"/parts/{part['id']}/touch", follow_redirects=True).status_code == 200
         released = served[1].get(f"/v1/parts/{part['id']}").json()
         assert (released["state"], released["text"], released["not_felt"]) == ("accepted", "KX407251", "")
@@ -388,14 +381,16 @@ def test_a_part_that_a_kill_has_left_to_the_stage_goes_to_a_person_at_the_next_s
         until = datetime.now(UTC) + timedelta(seconds=900.0)
         unsure = (reading("KX4O7251", source="vision", decision="review"),)
         waits = {"state": PartState.TOUCH_NEEDED, "readings": unsure, "plan": STAGE_PLAN}
-        left, asked = new_part_id(), new_part_id()
+        left, asked, elsewhere = new_part_id(), new_part_id(), new_part_id()
         store.add_part(part_id=left, name="P17", touch=TouchWait(True, until), **waits)
         store.add_part(part_id=asked, name="P18", touch=TouchWait(False, until), **waits)
+        store.add_part(part_id=elsewhere, name="P19", touch=TouchWait(True, until), line="paint", **waits)
     with inline_service(tmp_path / "s", **settings) as served:
         looks(served)
-        part = served[0].store.part(left)
-        assert (part.state, part.not_felt) == (PartState.REVIEW, STOPPED)
-        assert served[0].store.part(asked).state is PartState.TOUCH_NEEDED
+        store = served[0].store
+        part = store.part(left)
+        assert (part.state, part.not_felt, part.plan) == (PartState.REVIEW, STOPPED, STAGE_PLAN)
+        assert {store.part(other).state for other in (asked, elsewhere)} == {PartState.TOUCH_NEEDED}
         assert nest.felt == []
 
 

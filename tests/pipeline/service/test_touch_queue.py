@@ -15,7 +15,7 @@ import pytest
 from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.service.stage.work import TouchCall
 from pipeline.service.tasks import repeat
-from pipeline.service.touch_queue import NOBODY, STOPPED, TouchQueue
+from pipeline.service.touch_queue import NOBODY, TouchQueue
 from pipeline.service.web.problem import Problem
 from pipeline.store.parts import Waiting
 from pipeline.store.store import Store
@@ -81,22 +81,6 @@ def test_what_a_kill_has_left_waiting_is_felt_only_if_the_driver_knows_that_it_l
     assert store.part(part.id).text == "KX4"
     # who waits for a scan of the sender's is not felt by the stage
     assert store.part(others.id).state is PartState.TOUCH_NEEDED
-
-
-def test_without_such_a_driver_it_goes_to_a_person(store: Store) -> None:
-    part, asked, elsewhere = waiting(store), waiting(store, by_stage=False), waiting(store, line="paint")
-    bench = Bench(store)
-
-    async def start() -> None:
-        await bench.queue.begin()
-        for _ in range(3):
-            await bench.queue.look()
-
-    asyncio.run(start())
-    given_up = store.part(part.id)
-    assert (given_up.state, given_up.not_felt, given_up.plan) == (PartState.REVIEW, STOPPED, PLAN)
-    assert {store.part(other.id).state for other in (asked, elsewhere)} == {PartState.TOUCH_NEEDED}
-    assert bench.asked == []
 
 
 @pytest.mark.parametrize("error", [StageError("no air"), Problem(503, "busy"), RuntimeError("fault")])

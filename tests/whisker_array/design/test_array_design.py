@@ -9,7 +9,7 @@ import pytest
 from pipeline.cli.design_report import print_arrays
 from whisker_array.design.array_design import ArrayRequest, design_arrays
 from whisker_array.design.limits import DesignError
-from whisker_array.design.plan_accuracy import PlanCounts, measured_plans
+from whisker_array.design.plan_accuracy import PlanCounts
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.comb import WhiskerArray, collisions, default_body, least_rows, least_stagger_mm
 
@@ -93,10 +93,3 @@ def test_refusals() -> None:
     ):
         with pytest.raises(DesignError):
             replace(REQUEST, **change)
-
-
-def test_counts_come_with_the_program() -> None:
-    known = measured_plans()
-    assert {c.severity for c in known} == {0.3, 0.6}
-    assert {c.lines for c in known} == {10, 14, 20, 40}
-    assert all(0 <= c.accepted_wrong <= c.accepted <= c.parts and c.right <= c.characters for c in known)

@@ -24,7 +24,7 @@ from whisker_array.simulation.surface import TouchSurface, prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
-from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
+from whisker_array.whisker.sections import Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, TipModel, straight_whisker
 
 # ----------------------------------------------------------------------------------------------------------- contact
@@ -381,14 +381,6 @@ def test_a_surface_laid_at_an_angle_is_felt_as_one_on_the_grid_of_the_traces(tur
     )  # fmt: skip
     assert not told.flags.any()
     np.testing.assert_allclose(ratio(told, WIRE), ratio(felt, WIRE), atol=0.01)
-
-
-def test_the_lag_is_that_of_the_sliding_force() -> None:
-    # beta = 0, inextensible: Dxx = 3 k^2 + k^3, Dxy = -1.5 k, Dyy = 1 in units of l1^3 / 3 E I
-    k = 0.117
-    tip = LShaped(30.0, 30.0 * k, None, 0.0, Rectangle(0.3, 4.5)).tip_model(axial=False)
-    expected = (-MU * (3 * k**2 + k**3) - 1.5 * k) / (1.0 + 1.5 * k * MU)
-    assert land_lag_mm(tip, preload_mm=0.7, friction=MU) == pytest.approx(0.7 * expected, rel=1e-9)
 
 
 # --------------------------------------------------------------------------------------------------------- pointwise

@@ -25,7 +25,7 @@ from pipeline.common.records import EvidenceKind, PartRecord, PartState
 from pipeline.common.version import program_version
 from pipeline.reading.part_job import RECORDING, PartJob
 from pipeline.reading.triage import ReadPart
-from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result, status_of
+from pipeline.service.inputs.opcua import OpcUaPort, ocr_scan_result
 from pipeline.service.settings import OpcUaSettings
 from pipeline.service.stage.work import CameraPictures
 from pipeline.service.web.problem import Problem
@@ -400,22 +400,6 @@ async def test_a_session_in_use_stays_and_a_stop_waits_for_the_reading_of_a_call
     go.set()
     await asyncio.wait_for(stopping, LONG_S)
     assert read == ["P1"]
-
-
-@pytest.mark.parametrize(
-    ("record", "status"),
-    [
-        (part(), 0),
-        (part(text=""), 8),
-        (part(state=PartState.REVIEW, reading=reading(decision="review")), 11),
-        (part(state=PartState.TOUCH_NEEDED), 11),
-        (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), 12),
-        (part(state=PartState.REVIEWED), 0),
-        (part(state=PartState.SHADOW), 17),
-    ],
-)
-def test_the_status_of_a_part(record: PartRecord, status: int) -> None:
-    assert status_of(record) == status
 
 
 async def test_a_result_of_odd_values_can_be_sent(shared: Shared) -> None:

@@ -20,6 +20,7 @@ from glyphs.plain_text import is_hidden
 from pipeline.common.line_decision import LineDecision, decision_of
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartState
+from pipeline.service.inputs.opcua import status_of
 from pipeline.service.inputs.tcp import (
     DEFAULT_FORMAT,
     ResultString,
@@ -331,25 +332,27 @@ async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("record", "wanted"),
+    ("record", "word", "status"),
     [
-        (part(), LineDecision.ACCEPT),
-        (part(state=PartState.TOUCH_NEEDED), LineDecision.TOUCH),
-        (part(state=PartState.REVIEW, reading=reading(decision="review")), LineDecision.REVIEW),
+        (part(), LineDecision.ACCEPT, 0),
+        (part(state=PartState.TOUCH_NEEDED), LineDecision.TOUCH, 11),
+        (part(state=PartState.REVIEW, reading=reading(decision="review")), LineDecision.REVIEW, 11),
         # read with certainty, but not what was expected
-        (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), LineDecision.REVIEW),
-        (part(state=PartState.REVIEW, reading=reading(decision="reject")), LineDecision.REJECT),
-        (part(text=""), LineDecision.REJECT),
-        (part(state=PartState.REVIEW, reading=None), LineDecision.REJECT),
-        (part(state=PartState.REVIEWED), LineDecision.ACCEPT),
-        (part(text="", state=PartState.REVIEWED), LineDecision.REJECT),
+        (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), LineDecision.REVIEW, 12),
+        (part(state=PartState.REVIEW, reading=reading(decision="reject")), LineDecision.REJECT, 11),
+        (part(text=""), LineDecision.REJECT, 8),
+        (part(state=PartState.REVIEW, reading=None), LineDecision.REJECT, 11),
+        (part(state=PartState.REVIEWED), LineDecision.ACCEPT, 0),
+        (part(text="", state=PartState.REVIEWED), LineDecision.REJECT, 8),
         # whatever was read
-        (part(state=PartState.SHADOW), LineDecision.SHADOW),
-        (part(text="", state=PartState.SHADOW), LineDecision.SHADOW),
+        (part(state=PartState.SHADOW), LineDecision.SHADOW, 17),
+        (part(text="", state=PartState.SHADOW), LineDecision.SHADOW, 17),
     ],
 )
-def test_a_part_comes_to_one_word(record: PartRecord, wanted: LineDecision) -> None:
-    assert decision_of(record) is wanted
+def test_a_part_comes_to_one_word_and_one_status_of_opc_ua(
+    record: PartRecord, word: LineDecision, status: int
+) -> None:
+    assert (decision_of(record), status_of(record)) == (word, status)
 
 
 def test_the_format_is_the_integrators() -> None:
