@@ -25,11 +25,7 @@ fork_workers()
 
 # the same examples in every run, and no judgement of time: a busy machine must not fail a test
 settings.register_profile(
-    "steady",
-    max_examples=50,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.too_slow],
+    "steady", max_examples=50, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("steady")
 # nor any of the constants in modules that happen to be imported: with them a test's examples would depend on the tests

@@ -178,10 +178,7 @@ AT_SPEED = (
         speed=1.0,
     ),
 )
-SPEED_CELLS = (
-    *(cell for cell in CELLS if cell.name in ("default", "profiler", "l2 6", "l2 9")),
-    *AT_SPEED,
-)
+SPEED_CELLS = (*(cell for cell in CELLS if cell.name in ("default", "profiler", "l2 6", "l2 9")), *AT_SPEED)
 BY_CORRELATION = tuple(cell for cell in CELLS if cell.factor in ("default", "whisker"))
 
 

@@ -15,10 +15,8 @@ from glyphs.surface.maps import MapError
 
 
 def test_an_error_is_one_line_of_where_what_and_hint() -> None:
-    assert (
-        str(MarksError("is empty", where="a.npz", hint="record it again"))
-        == "a.npz: is empty; record it again"
-    )
+    error = MarksError("is empty", where="a.npz", hint="record it again")
+    assert str(error) == "a.npz: is empty; record it again"
     assert str(MarksError("a line\nbroken")) == "a line broken"
 
 

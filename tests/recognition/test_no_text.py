@@ -108,9 +108,7 @@ def read(strip: Path) -> tuple[Reading, str]:
 
 
 @pytest.mark.parametrize(
-    "strip",
-    [OWN / "penny_LIBERTY.npz", OWN / "penny_1997.npz"],
-    ids=lambda strip: strip.stem,
+    "strip", [OWN / "penny_LIBERTY.npz", OWN / "penny_1997.npz"], ids=lambda strip: strip.stem
 )
 def test_a_coin_is_read_without_any_setting(strip: Path) -> None:
     reading, text = read(strip)

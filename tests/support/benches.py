@@ -11,13 +11,7 @@ from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
 from recognition.see.virtual_array import VirtualArray
 from recognition.see.virtual_bench import VirtualBench
-from whisker_array.identification.bench import (
-    BENCH_GAIN,
-    Bench,
-    Unknown,
-    nominal_bench,
-    prior_sd,
-)
+from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, nominal_bench, prior_sd
 from whisker_array.identification.knowledge import Knowledge
 from whisker_array.identification.piece_map import Heights
 from whisker_array.scan.calibration import Calibration
@@ -42,13 +36,7 @@ _SLIPPERY = 0.02
 """The least friction: one drawn by chance may be less than none."""
 
 
-def recorded(
-    piece: Piece,
-    *,
-    touch: Touch | None = None,
-    friction: float = 0.2,
-    whiskers: int = 2,
-) -> Scan:
+def recorded(piece: Piece, *, touch: Touch | None = None, friction: float = 0.2, whiskers: int = 2) -> Scan:
     """A scan of a piece by a few default whiskers, which says that they are as drawn whatever they are.
 
     Args:

@@ -48,12 +48,8 @@ class Shop:
         self._open = contextlib.ExitStack()
         served = inline_service(folder, reading=ReadSettings(), **settings)
         service, client = self._open.enter_context(served)
-        self.app, self.store, self.evidence, self.jobs = (
-            client.app,
-            service.store,
-            service.evidence,
-            service.jobs,
-        )
+        self.app, self.store = client.app, service.store
+        self.evidence, self.jobs = service.evidence, service.jobs
         self.client = self.another()
 
     def close(self) -> None:

@@ -126,10 +126,7 @@ def test_one_wall_is_missing() -> None:
 
 def test_double_strikes_come_as_often_and_as_far_apart_as_asked() -> None:
     once, twice = (
-        bare(
-            text="I" * 12,
-            variation=replace(NONE, double_strike_probability=p, double_strike_fraction=0.1),
-        )
+        bare(text="I" * 12, variation=replace(NONE, double_strike_probability=p, double_strike_fraction=0.1))
         for p in (0.0, 0.5)
     )
     more = [

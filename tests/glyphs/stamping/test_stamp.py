@@ -147,10 +147,7 @@ def test_roughness_has_the_ra_and_correlation_length_asked_for():
 
 @pytest.mark.parametrize(
     ("options", "error", "message"),
-    [
-        ({"text": ""}, StampError, "no text"),
-        ({"text": "AéB"}, FontError, "no character 'é'"),
-    ],
+    [({"text": ""}, StampError, "no text"), ({"text": "AéB"}, FontError, "no character 'é'")],
 )
 def test_stamp_refuses(options, error, message):
     with pytest.raises(error, match=message):

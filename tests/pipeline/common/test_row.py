@@ -51,10 +51,8 @@ def test_grades_and_the_worst() -> None:
 
 
 def test_actions_name_their_places() -> None:
-    assert (
-        row(*(place(action=a) for a in ("re-strike", "clean", "", "clean"))).action
-        == "clean 2 4, re-strike 1"
-    )
+    cells = row(*(place(action=a) for a in ("re-strike", "clean", "", "clean")))
+    assert cells.action == "clean 2 4, re-strike 1"
     assert tuple(a.value for a in Action if a is not Action.NONE) == _ACTIONS
 
 
@@ -88,12 +86,8 @@ def test_what_differs_is_told_in_short() -> None:
     was = {"same": 1, "gone": True, "long": "x" * 99}
     told = differences(was, {"same": 1, "new": [1, 2], "long": "y"})
     assert told == f'gone was true, now not set; long was "{"x" * 56}..., now "y"; new was not set, now 1, 2'
-    assert (
-        differences({"a": {"b": 1, "long": "x" * 99}}, {"a": {"b": 2, "long": "x" * 99}})
-        == "a.b was 1, now 2"
-    )
-    assert (
-        differences({"settings": {}}, {"settings": {"format": ["A9", "vin"]}})
-        == "format was not set, now A9, vin"
-    )
+    one, other = ({"a": {"b": b, "long": "x" * 99}} for b in (1, 2))
+    assert differences(one, other) == "a.b was 1, now 2"
+    told = differences({"settings": {}}, {"settings": {"format": ["A9", "vin"]}})
+    assert told == "format was not set, now A9, vin"
     assert differences({"a": [1, 2]}, {"a": (1, 2)}) == ""  # as JSON has it

@@ -16,12 +16,7 @@ from glyphs.errors import FileError, MarksError
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.fonts.outlines import load_font
 from pipeline.formats import glyph_database as module
-from pipeline.formats.glyph_database import (
-    Exemplar,
-    GlyphDatabase,
-    load_database,
-    save_database,
-)
+from pipeline.formats.glyph_database import Exemplar, GlyphDatabase, load_database, save_database
 from pipeline.formats.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
 from tests.support.benches import known_whisker
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube

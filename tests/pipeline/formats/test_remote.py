@@ -404,9 +404,7 @@ def test_a_signed_address_is_fetched_and_not_told() -> None:
         ),
         pytest.param(_sending(100, b"map a"), "cannot be fetched .*check the network", id="cut short"),
         pytest.param(
-            _sending(100_000, b"x", endless=True, pause_s=0.05),
-            "is sent too slowly; check",
-            id="dripping",
+            _sending(100_000, b"x", endless=True, pause_s=0.05), "is sent too slowly; check", id="dripping"
         ),
     ],
 )

@@ -11,12 +11,7 @@ import pytest
 
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.read import read
-from pipeline.common.reading_records import (
-    CandidateRecord,
-    CharacterRecord,
-    ReadingRecord,
-    RivalRecord,
-)
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions

@@ -12,10 +12,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.service.connections import (
-    address_block,
-    log_failed_accepts_sparingly,
-)
+from pipeline.service.connections import address_block, log_failed_accepts_sparingly
 
 pytestmark = pytest.mark.anyio
 

@@ -60,8 +60,7 @@ def sent(client: TestClient, plate: bytes) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("where", "code"),
-    [("mkdtemp", errno.ENOSPC), ("replace", errno.EROFS), ("fsync", errno.EIO)],
+    ("where", "code"), [("mkdtemp", errno.ENOSPC), ("replace", errno.EROFS), ("fsync", errno.EIO)]
 )
 def test_a_disk_that_does_not_take_files_is_not_the_senders_fault(
     served: Served, plate: bytes, monkeypatch: pytest.MonkeyPatch, where: str, code: int

@@ -35,8 +35,7 @@ def cluster(scheduler: ClusterProcess) -> ClusterProcess:
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [b"HTTP/1.1 400 Bad Request\r\n\r\n", (2**31).to_bytes(8, "little") + b"\xff" * 200],
+    "answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", (2**31).to_bytes(8, "little") + b"\xff" * 200]
 )
 def test_what_is_no_scheduler_is_one_message_in_time(
     answer: bytes, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

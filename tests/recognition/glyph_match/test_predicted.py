@@ -58,9 +58,7 @@ def by_hand(font: Font, char: str, key: TemplateKey, like: np.ndarray, *, height
     die = default_die(height_mm, font=font, depth_mm=key.die.depth_mm * scale)
     assert die.stroke_mm == pytest.approx(key.die.stroke_mm * scale)
     die = replace(
-        die,
-        edge_radius_mm=key.die.edge_radius_mm * scale,
-        root_radius_mm=key.die.root_radius_mm * scale,
+        die, edge_radius_mm=key.die.edge_radius_mm * scale, root_radius_mm=key.die.root_radius_mm * scale
     )
     ideal = ideal_relief(
         font.glyph(char), die, height_mm=height_mm, pitch_mm=pitch / 2, margin_mm=height_mm, raised=key.raised

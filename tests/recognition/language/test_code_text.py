@@ -10,12 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recognition.language.code_text import CodeField, fields_of, holds
-from recognition.language.confusions import (
-    SWAP_SETS,
-    CharacterState,
-    state_of,
-    swap_reason,
-)
+from recognition.language.confusions import SWAP_SETS, CharacterState, state_of, swap_reason
 
 # --------------------------------------------------------------------------------------------------------- code text
 

@@ -236,12 +236,8 @@ def test_the_character_that_was_read_is_what_it_is_graded_against(laid: LaidText
 
 
 def test_a_character_without_a_template_is_not_graded(laid: LaidText, templates: TemplateSet) -> None:
-    assert [one is None for one in grades_of(edges_of(with_char(laid, "Z"), templates))] == [
-        False,
-        True,
-        False,
-        False,
-    ]
+    graded = grades_of(edges_of(with_char(laid, "Z"), templates))
+    assert [one is None for one in graded] == [False, True, False, False]
 
 
 def test_a_character_beyond_the_map_is_not_graded(laid: LaidText, templates: TemplateSet) -> None:

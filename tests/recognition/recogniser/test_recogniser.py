@@ -66,9 +66,7 @@ def test_a_space_is_blank_unless_asked_for() -> None:
     assert chars == pytest.approx([0.2, 0.3], abs=1e-5)
 
 
-def test_every_step_of_a_line_has_a_probability_for_each_class(
-    make_part: Callable[..., StampedPart],
-) -> None:
+def test_every_step_of_a_line_has_a_probability_for_each_class(make_part: Callable[..., StampedPart]) -> None:
     strip = strip_of(make_part("K71B", calm=True))
     posterior = posteriors(strip)
     assert posterior.shape == (math.ceil(strip.shape[2] / STEP_COLUMNS), 1 + len(CHARACTERS))

@@ -28,14 +28,7 @@ class EmulatedBench:
         world, stage, daq: its components.
     """
 
-    def __init__(
-        self,
-        part: HeightMap,
-        settings: BenchSettings,
-        *,
-        seed: int,
-        pace: float = 0.0,
-    ) -> None:
+    def __init__(self, part: HeightMap, settings: BenchSettings, *, seed: int, pace: float = 0.0) -> None:
         """Put it together.
 
         Args:

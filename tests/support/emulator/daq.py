@@ -21,13 +21,7 @@ class EmulatedDaq(Device):
     """
 
     def __init__(
-        self,
-        world: World,
-        *,
-        whiskers: int,
-        noise_v: float = 0.0,
-        range_v: float = 10.0,
-        seed: int = 0,
+        self, world: World, *, whiskers: int, noise_v: float = 0.0, range_v: float = 10.0, seed: int = 0
     ) -> None:
         super().__init__("emulated converter")
         self.lose = 0

@@ -59,12 +59,7 @@ class World:
     """
 
     def __init__(
-        self,
-        part: HeightMap,
-        bench: BenchSettings,
-        amplifier: Amplifier,
-        *,
-        pace: float = 0.0,
+        self, part: HeightMap, bench: BenchSettings, amplifier: Amplifier, *, pace: float = 0.0
     ) -> None:
         """Put the part on the plate.
 

@@ -20,12 +20,7 @@ from whisker_array.design.checks import (
     linear_force_error,
     sideways_slide_mm,
 )
-from whisker_array.design.design import (
-    Design,
-    NoWhiskerError,
-    design_whisker,
-    worst_edge,
-)
+from whisker_array.design.design import Design, NoWhiskerError, design_whisker, worst_edge
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.design.trade import speed_trade_off
 from whisker_array.design.tuned import Kind, middle_friction, tune

@@ -18,9 +18,7 @@ from tests.factories import extruded
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments, edge_map
 from whisker_array.estimation.gridding import average_onto, averaging_weights
 from whisker_array.estimation.land import land_coefficients, land_surface, remove_drift, shorth, whisker_gain
-from whisker_array.estimation.registration import (
-    play_pixels,
-)
+from whisker_array.estimation.registration import play_pixels
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain

@@ -41,11 +41,7 @@ def grooved_land() -> HeightMap:
 
 
 def land_scan(
-    mu: float,
-    *,
-    fidelity: Fidelity = Fidelity.POINTWISE,
-    two_way: bool = True,
-    gain_sd: float | None = 0.03,
+    mu: float, *, fidelity: Fidelity = Fidelity.POINTWISE, two_way: bool = True, gain_sd: float | None = 0.03
 ) -> Scan:
     plan = RasterPlan(
         array=WhiskerArray(PAIRS, 0.5, kinds=2),
@@ -102,17 +98,7 @@ def test_gains_read_off_land_say_nothing_of_its_friction() -> None:
 
 def test_one_whisker_has_no_standard_error() -> None:
     scan = land_scan(0.3)
-    columns = [0, PAIRS]
-    sweeps = tuple(
-        replace(
-            s,
-            plan=replace(s.plan, line_mm=s.plan.line_mm[:, columns]),
-            moment_n_mm=s.moment_n_mm[:, columns],
-            flags=s.flags[:, columns],
-            air_n_mm=s.air_n_mm[:, columns],
-        )
-        for s in scan.sweeps
-    )
+    sweeps = tuple(s.of(np.array([0, PAIRS])) for s in scan.sweeps)
     for found in land_friction(replace(scan, sweeps=sweeps, kind=(0, 1))):
         assert found.sd == float("inf")
 

@@ -14,13 +14,7 @@ from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.identified import confounded, undetermined
 from tests.support.benches import recorded, worn
-from whisker_array.identification.bench import (
-    BENCH_GAIN,
-    Bench,
-    Unknown,
-    nominal_bench,
-    prior_sd,
-)
+from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, nominal_bench, prior_sd
 from whisker_array.identification.fit import LEVEL_DEGREE, LEVEL_SD, PIXEL, IdentifyError, Whitener, identify
 from whisker_array.identification.piece_map import heights_of
 from whisker_array.identification.traces import Trace, traces_of

@@ -40,11 +40,7 @@ Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 
 
 def surface_of(
-    heights: Heights,
-    *,
-    pitch: float,
-    size: tuple[float, float],
-    friction: float | NDArray[np.float32] = MU,
+    heights: Heights, *, pitch: float, size: tuple[float, float], friction: float | NDArray[np.float32] = MU
 ) -> TouchSurface:
     """heights(x, z) over size = (along x, along z), mm."""
     x = np.arange(round(size[0] / pitch) + 1) * pitch

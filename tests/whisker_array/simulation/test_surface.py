@@ -12,11 +12,7 @@ from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from tests.support.trace_frame import sample_lines
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.regrid import fit_pitch
-from whisker_array.simulation.surface import (
-    fill_dropouts,
-    orient,
-    prepare_surface,
-)
+from whisker_array.simulation.surface import fill_dropouts, orient, prepare_surface
 from whisker_array.whisker.sections import WhiskerError
 
 PITCH = 0.05

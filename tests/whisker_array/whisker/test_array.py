@@ -38,8 +38,6 @@ from whisker_array.whisker.validity import QUASI_STATIC_SHARE, first_bending_fre
 
 # ------------------------------------------------------------------------------------------------------------- array
 
-# ------------------------------------------------------------------------------------------------------------- array
-
 plans = st.builds(
     lambda whiskers, lines, pitch, x0, y0, width, height, step, lead: RasterPlan(
         array=WhiskerArray(whiskers, lines * pitch),
@@ -222,7 +220,6 @@ def test_default_raster_is_quasi_static(height: float) -> None:
     limit_hz = QUASI_STATIC_SHARE * first_bending_frequency_hz(default_whisker(height), tip_held=True)
     finest_mm = 4.0 * plan.line_pitch_mm
     assert SAFE_SPEED_MM_S / finest_mm <= limit_hz
-    assert limit_hz * finest_mm == pytest.approx(59.0, abs=0.5)
 
 
 def test_round_wire_is_no_faster_for_being_held_up() -> None:

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from scipy import integrate, optimize, special
 
 from whisker_array.whisker.defaults import default_whisker
-from whisker_array.whisker.elastica import (
-    ElasticaError,
-    enhancement_exact,
-    large_deflection,
-    linear_error,
-)
+from whisker_array.whisker.elastica import ElasticaError, enhancement_exact, large_deflection, linear_error
 from whisker_array.whisker.enhancement import (
     contact_direction,
     contact_force,

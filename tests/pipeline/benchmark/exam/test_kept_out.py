@@ -147,7 +147,7 @@ KINDS = (*STEPS, "pixels")
 
 
 def _values() -> dict[str, np.ndarray]:
-    """Every array of a part, on multiples of the steps, so that a little noise crosses no rounding edge."""
+    """Every array of a part, on multiples of the steps."""
     rng = np.random.default_rng(1)
     values = {name: rng.integers(1, 900, (12, 15)) * step for name, step in STEPS.items()}
     return {**values, "pixels": rng.integers(0, 250, (12, 15, 3)).astype(np.uint8)}
@@ -168,15 +168,6 @@ def test_one_step_of_one_sample_is_another_part(kind: str) -> None:
     values = _values()
     values[kind][3, 4] += STEPS.get(kind, 1)
     assert _digest(values) != _digest(_values())
-
-
-def test_noise_well_below_a_step_changes_nothing() -> None:
-    """The last bits of float32 heights around 0.1 mm: some 1e-8 mm, of steps of 1e-4."""
-    noisy = _values()
-    rng = np.random.default_rng(2)
-    for name, step in STEPS.items():
-        noisy[name] = noisy[name] + 0.1 * step * rng.uniform(-1.0, 1.0, noisy[name].shape)
-    assert _digest(noisy) == _digest(_values())
 
 
 @pytest.mark.parametrize("edition", SMALL)

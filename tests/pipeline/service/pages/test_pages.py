@@ -16,11 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
-from pipeline.common.reading_records import (
-    CharacterRecord,
-    PassRecord,
-    ReadingRecord,
-)
+from pipeline.common.reading_records import CharacterRecord, PassRecord, ReadingRecord
 from pipeline.common.records import (
     Agreement,
     EvidenceKind,
