@@ -119,9 +119,8 @@ class Ports:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
             self._inputs["watch"] = self._watched = WatchedFolder(
-                settings.watch, intake,
-                most_bytes=most_bytes, at_once=at_once, timeout_s=settings.device_timeout_s,
-            )  # fmt: skip
+                settings.watch, intake, most_bytes=most_bytes, at_once=at_once
+            )
 
     @property
     def trouble(self) -> str:

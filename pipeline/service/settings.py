@@ -191,7 +191,7 @@ class WatchSettings(Settings):
     """Job by which the photographs of that folder are read. Default: the service's own settings."""
     photos: int = Field(default=0, ge=0, le=12)
     """Number of photographs of a part whose files are numbered (part.light-1.png): with so many it is read at once,
-    and with fewer after device_timeout_s; 0: any number, read 2 s after the last one."""
+    and with fewer after 10 s; 0: any number, read 2 s after the last one."""
 
 
 class TcpSettings(Settings):
@@ -278,7 +278,7 @@ class ServiceSettings(Settings):
         "jobs": "jobs in [workers]",
         **dict.fromkeys(("stage.timeout_s", "camera.timeout_s"), "device_timeout_s"),
         "shutdown_grace_s": "drain_s",
-        "watch.settle_s": "device_timeout_s",
+        "watch.settle_s": "watch.photos",
         "mqtt.prefix": 'mqtt.url = "mqtt://HOST/PREFIX"',
         "databases": "folder (its databases stand in databases)",
         "jobs_folder": "folder (its jobs stand in jobs)",
@@ -313,8 +313,8 @@ class ServiceSettings(Settings):
     """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
     none; the proxy may pass the path on or take it off."""
     device_timeout_s: Seconds = 60.0
-    """Seconds within which a stage must answer a pass, and a camera, or the watched folder, must have the photographs
-    of a part, whole; a whole plan has twice its own duration beside."""
+    """Seconds within which a stage must answer a pass, and a camera must have the photographs of a part; a whole plan
+    has twice its own duration beside."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     """Days for which photographs, scans and pictures are kept; 0: for ever."""
     shadow: bool = False

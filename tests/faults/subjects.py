@@ -330,7 +330,7 @@ def _watch(root: Path) -> None:
         parts,  # type: ignore[arg-type]
         most_bytes=10_000,
         at_once=1,
-        timeout_s=0.1,
+        unfinished_s=0.1,
     )
 
     async def look() -> None:

@@ -5,8 +5,8 @@
 
 * A file is identified by its name, length and time: one that is overwritten is another photograph. One that is only
   moved to another subfolder is the same.
-* It is complete when two looks, `LOOK_S` apart, find the same length and time. One whose end is missing has `timeout_s`
-  to be written to its end. Names of unfinished uploads are not looked at.
+* It is complete when two looks, `LOOK_S` apart, find the same length and time. One whose end is missing has
+  `unfinished_s` to be written to its end. Names of unfinished uploads are not looked at.
 * Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. It is complete when all
   its files are, and there are as many as expected, or, where none are expected, none was added or changed for
   `settle_s`. One that is added later makes it another set, which is read anew.
@@ -67,6 +67,8 @@ log = structlog.get_logger("tactile-marks")
 LOOK_S = 1.0  # from one look to the next
 # time without a change after which a set of any number is complete, s: lamps follow each other faster
 SETTLE_S = 2.0
+# time without a change after which a file whose end is missing, or a set with fewer than expected, is read as it is, s
+UNFINISHED_S = 10.0
 # least wait before the next look or attempt, in durations of the last one: neither may use the whole machine
 PAUSE = 5.0
 # least wait after a failed attempt
@@ -103,11 +105,11 @@ class WatchedFolder:
         *,
         most_bytes: int,
         at_once: int,
-        timeout_s: float,
+        unfinished_s: float = UNFINISHED_S,
         settle_s: float = SETTLE_S,
     ) -> None:
         """Watch the folder of the settings, and read `at_once` parts at a time; one that is not complete within
-        `timeout_s` is read as it is. Raises FileError: no such folder."""
+        `unfinished_s` is read as it is. Raises FileError: no such folder."""
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
                 settings.folder or "watch.folder",
@@ -116,7 +118,7 @@ class WatchedFolder:
             )
         self.folder = settings.folder.absolute()
         self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
-        self._at_once, self._timeout_s, self._settle_s = at_once, timeout_s, settle_s
+        self._at_once, self._unfinished_s, self._settle_s = at_once, unfinished_s, settle_s
         self._looking, self._stopping = asyncio.Lock(), False
         # why the folder cannot be looked at, without its path; empty while it can
         self.trouble = ""
@@ -208,7 +210,7 @@ class WatchedFolder:
     def _wait_s(self, files: Mapping[str, FileStamp], single: bool) -> float:
         expected = 1 if single else self._settings.photos
         if len(files) < expected or not _all_whole(files):
-            return self._timeout_s
+            return self._unfinished_s
         return 0.0 if expected else self._settle_s
 
     def _photographs(self) -> dict[str, os.stat_result] | None:

@@ -191,7 +191,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("[service]\nhost = '::1'", 'host in .*; did you mean port = "HOST:PORT"'),
         ("[service.tcp]\nhost = '::1'", 'tcp.host in .*; did you mean tcp.port = "HOST:PORT"'),
         ("[service.tcp]\nport = 'COM3'", "tcp.port in .* is 'COM3'.*write 8418, or"),
-        ("[service.watch]\nsettle_s = 1", "watch.settle_s in .*; did you mean device_timeout_s"),
+        ("[service.watch]\nsettle_s = 1", "watch.settle_s in .*; did you mean watch.photos"),
         ("line = ['lot=A', 'lot=9']", "line in .* two lines are called lot"),
         ("region = [0, 0.8, 1, 0.2]", "region in .* give left, top, right and bottom as shares, 0 to 1"),
         ("line = 'a b=A'", "line in .* 'a b' is not a name for a line"),

@@ -38,13 +38,16 @@ class Bench:
     """A folder, and a service that looks at it when it is told to; `anew` is a restart."""
 
     def __init__(
-        self, folder: Path, served: Served, *, a_set: int = 0, timeout_s: float = 0.0, **settings: bool
+        self, folder: Path, served: Served, *, a_set: int = 0, unfinished_s: float = 0.0, **settings: bool
     ) -> None:
         self.folder = folder / "in"
         self.folder.mkdir()
         service, client = served
         self.intake, self.store, self.portal = service.intake, service.store, client.portal
-        self.settings, self.times = {"photos": a_set, **settings}, {"timeout_s": timeout_s, "settle_s": 0.0}
+        self.settings, self.times = (
+            {"photos": a_set, **settings},
+            {"unfinished_s": unfinished_s, "settle_s": 0.0},
+        )
         self.problem: Exception | None = None
         self.problems: dict[str, Exception] = {}
         self.tried: set[str] = set()
@@ -135,7 +138,7 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
 
 
 def test_one_that_is_being_written_waits(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, timeout_s=LONG_S)
+    bench = Bench(tmp_path, served, unfinished_s=LONG_S)
     for n in range(1, 4):
         bench.put("a.png", PNG[: 30 * n])
         assert bench.look(3) == []  # it stands still, but its end is missing
@@ -145,7 +148,7 @@ def test_one_that_is_being_written_waits(tmp_path: Path, served: Served) -> None
 
 
 def test_one_that_stays_empty_or_is_no_file_is_a_part_for_a_person(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, timeout_s=0.2)
+    bench = Bench(tmp_path, served, unfinished_s=0.2)
     bench.put("empty.png", b"")
     os.mkfifo(bench.folder / "pipe.png")
     assert bench.left() == {}
@@ -515,7 +518,7 @@ def test_photographs_of_several_lights_are_one_part(bench: Bench) -> None:
 
 
 def test_a_set_waits_for_its_last_light(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, a_set=3, timeout_s=LONG_S)
+    bench = Bench(tmp_path, served, a_set=3, unfinished_s=LONG_S)
     for number in (1, 2):
         bench.put(f"a.light-{number}.png")
     assert bench.look(4) == []
@@ -524,7 +527,7 @@ def test_a_set_waits_for_its_last_light(tmp_path: Path, served: Served) -> None:
 
 
 def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path, served: Served) -> None:
-    bench = Bench(tmp_path, served, a_set=3, timeout_s=0.2)
+    bench = Bench(tmp_path, served, a_set=3, unfinished_s=0.2)
     bench.put("a.light-1.png")
     assert bench.look() == []
     time.sleep(0.25)
