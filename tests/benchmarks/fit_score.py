@@ -21,6 +21,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -150,6 +151,7 @@ def read(part: KeptPart, source: str, fitted: Fit) -> KnownReading | None:
     )
 
 
+@cache
 def _by_sense(part: KeptPart, sense: str) -> KnownReading | None:
     own = part.readings[sense]
     if not own.text or own.lattice is None:

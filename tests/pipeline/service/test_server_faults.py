@@ -31,7 +31,6 @@ from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.web_server import DrainingServer
 from pipeline.service.web_app import create_app
 from pipeline.workers.executors import WorkerLostError
-from pipeline.workers.machine import Machine
 from pipeline.workers.options import PoolSettings
 from tests.support.service_fixtures import Served, inline_service, is_problem
 from tests.support.store_samples import PLAN, reading
@@ -257,16 +256,19 @@ def checks(service: Any) -> int:
     return sum(function is check_settings for function, *_ in service.pool.jobs)
 
 
-def test_parts_are_answered_with_the_cause_while_no_worker_can_start(tmp_path: Path, plate: bytes) -> None:
-    service = Service(
-        ServiceSettings(folder=tmp_path), ReadSettings(format=("A9",)), PoolSettings(jobs=1),
-        machine=Machine(worker_memory_mb=40),
-    )  # fmt: skip
+def test_parts_are_answered_with_the_cause_while_no_worker_can_start(
+    tmp_path: Path, plate: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr("pipeline.workers.pool.worker_of", fail)
+    service = Service(ServiceSettings(folder=tmp_path), ReadSettings(format=("A9",)), PoolSettings(jobs=1))
     with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
         answer = sent(client, plate)
         assert is_problem(answer, 503, "start: ")
         wait_until(lambda: "no worker can start: " in client.get("/readyz").text)
         ready = client.get("/readyz")
         assert ready.status_code == 503
-        assert "it may use 40 MB of memory" in ready.json()["detail"]
+        assert os.strerror(errno.EAGAIN) in ready.json()["detail"]
         assert client.get("/healthz").status_code == 200
