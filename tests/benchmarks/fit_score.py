@@ -21,7 +21,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from scipy.special import expit
 from pipeline.benchmark.analysis.confidence import reliability, risk_coverage
 from pipeline.benchmark.analysis.estimates import exact_share
 from pipeline.common.accepted_risk import ThresholdTest, proven_threshold, threshold_tests
-from pipeline.common.shares import CONFIDENCE_LEVEL
+from pipeline.common.shares import CONFIDENCE_LEVEL, share_bounds
 from recognition.decide import fuse_lattices as fusion
 from recognition.decide import score as scoring
 from recognition.decide.fuse_lattices import (
@@ -383,36 +383,63 @@ Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
 
 
 def risk_thresholds(
-    scores: Sequence[float], right: Sequence[bool], risks: Sequence[float], **options: Any
+    scores: Sequence[float],
+    right: Sequence[bool],
+    risks: Sequence[float],
+    *,
+    keeps: Callable[[float, float], bool] = lambda risk, threshold: True,
+    **options: Any,
 ) -> Mapping[float, ThresholdTest]:
     """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none.
 
-    A smaller risk has no lower threshold: in a group that is too small to test it, the larger risk may have failed.
+    `keeps` says whether a risk is kept from a threshold on in another way, too. A smaller risk has no lower threshold: in
+    a group that is too small to test it, the larger risk may have failed.
     """
     proven, least = dict[float, ThresholdTest](), 0.0
     for risk in sorted(risks, reverse=True):
         tests = threshold_tests(scores, right, risk=risk, **options)
-        test = proven_threshold([test for test in tests if test.threshold >= least])
+        kept = [test for test in tests if test.threshold >= least and keeps(risk, test.threshold)]
+        test = proven_threshold(kept)
         if test is not None:
             proven[risk], least = test, test.threshold
     return proven
 
 
 def find_thresholds(judged: Sequence[Judged]) -> Thresholds:
-    """Test thresholds on readings that break no contract: together, of each generator, with a format and without."""
-    found = {}
+    """Test thresholds on readings that break no contract: together, of each generator, with a format and without.
+
+    Where both senses may be used, one of them has sometimes read alone, and is accepted from its own threshold on. What
+    is accepted then must keep the risk as well, all parts together.
+    """
+    found = dict[str, Mapping[float, ThresholdTest]]()
     for source in SOURCES:
-        own = [one for one in judged if one.mode == one.reading.source == source and not one.reading.broken]
+        readings = [one for one in judged if one.mode == source and not one.reading.broken]
+        by_source = [one for one in readings if one.reading.source == source]
+        alone = [one for one in readings if one.reading.source != source]
         found[source] = risk_thresholds(
-            [one.score for one in own],
-            [one.reading.right for one in own],
+            [one.score for one in by_source],
+            [one.reading.right for one in by_source],
             RISKS,
+            keeps=partial(_keep_together, by_source, alone, found),
             confidence=CONFIDENCE_LEVEL,
             thresholds=THRESHOLDS,
-            groups=[groups_of(one.reading.part) for one in own],
+            groups=[groups_of(one.reading.part) for one in by_source],
             start_share=START_SHARE,
         )
     return found
+
+
+def _keep_together(
+    by_source: Sequence[Judged],
+    alone: Sequence[Judged],
+    thresholds: Thresholds,
+    risk: float,
+    threshold: float,
+) -> bool:
+    accepted = [one for one in by_source if one.score >= threshold]
+    accepted += [one for one in alone if accepts(one, thresholds, risk)]
+    wrong = sum(not one.reading.right for one in accepted)
+    return share_bounds(wrong, len(accepted), confidence=CONFIDENCE_LEVEL)[1] <= risk
 
 
 def groups_of(part: KeptPart) -> tuple[str, str]:
