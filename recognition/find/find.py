@@ -2,8 +2,7 @@
 
     views --search--> the most promising line --more looks--> main, other lines --other orientations--> PartLines
 
-The format decides which of several lines is the serial. Other text on the part is kept as unassigned
-(`PartLines.others`).
+The format decides which of several lines is the serial; other text stays unassigned (`PartLines.others`).
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from recognition.see.text_line import TextLine
 from recognition.see.view import View, ViewKind
 
 MOVES: tuple[Move, ...] = ((0.08, 1.0, 2), (-0.08, 1.0, 5), (0.0, 1.1, 3), (0.0, 0.91, 2))
-"""Moves of further looks at a line."""
 BETWEEN: Move = (0.0, 1.0, 3)
 """The move of a look whose steps fall halfway between those of the first."""
 
@@ -62,10 +60,7 @@ class FoundLines:
     _search: Search
 
     def with_layout(self, lines: PartLines | None = None) -> PartLines:
-        """The lines, as found or as changed since, with another layout of a doubtful part.
-
-        It costs a fifth of a search. A part that is searched several times needs it only for the lines that count.
-        """
+        """Look for another layout of a doubtful part (a fifth of a search); `lines` replace those found."""
         lines, looks, limits = lines or self.lines, self._search.looks, self._search.request.limits
         before = looks.count
         if limits.most_looks is not None:
@@ -85,12 +80,10 @@ def find(
 def read_lines(
     views: Sequence[View], request: LineRequest, *, about: Sequence[TextLine] = (), twice: bool = False
 ) -> FoundLines:
-    """Find and read the lines of a part.
+    """Find and read the lines of a part; views are in one frame, under different lights.
 
-    Args:
-        views: views of the part in one frame, under different lights. Those after the first are read if the ones before
-            are not enough.
-        twice: look a second time even if one look is sure: templates need accurate places.
+    Later views are read if earlier ones are not enough. `twice` looks again even if one look is sure: templates need
+    accurate places.
     """
     views, request = within_area(views, request)
     limits = request.limits

@@ -50,7 +50,6 @@ class FoundLine:
     __repr__ = one_line
 
     def mapped(self, change: Callable[[TextLine], TextLine]) -> FoundLine:
-        """The candidate with a change of both its positions."""
         return replace(self, line=change(self.line), bent=self.bent and change(self.bent))
 
 
@@ -80,7 +79,6 @@ class Finder:
         return sorted([*pieces, *whole], key=lambda line: -line.score)
 
     def turned(self, turned_deg: float) -> list[FoundLine]:
-        """Lines within some 30 degrees of a rotation, most promising first."""
 
         def back(line: TextLine) -> TextLine:
             return TextLine(turn_back(line.centre_mm, self.view, turned_deg), line.height_mm)

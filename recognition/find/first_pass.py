@@ -4,8 +4,7 @@
                                                                                                      |
                                                      whisker, preload and plan of the scan that is read
 
-On a bench, nothing else shows the height of the characters. A height map that is read by touch is treated the same way.
-If the height is known, there is no first pass.
+On a bench or a height map, nothing else shows the height of the characters. If it is known, there is no first pass.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ Feel = Callable[[HeightMap, float], Scan]
 FIRST_HEIGHT_MM = 4.0
 """Character height for which the whiskers are made; they find characters of `LEAST_HEIGHT_MM` to 25 mm."""
 LEAST_HEIGHT_MM = 0.8
-"""Least height of characters that the first pass finds, mm."""
 
 
 class NothingFeltError(MapError):

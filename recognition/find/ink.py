@@ -37,10 +37,7 @@ def on_ink(
     scatter: float = 0.05,
     least_sag: float = 0.03,
 ) -> tuple[TextLine, ...]:
-    """Move, turn and bend a line onto the ink of its places; return it with its old height and with that of its ink.
-
-    Returns no line if no ink is seen or it already lies on the line; one line if the height suits; otherwise two.
-    """
+    """Move, turn and bend a line onto its ink: none if there is nothing to move, two if the ink has another height."""
     offsets, spreads = _ink(view.strip(line, rows=rows), columns, half_place, land_percent, edge_percent)
     seen = np.isfinite(offsets)
     if not seen.any():

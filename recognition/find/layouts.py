@@ -5,8 +5,7 @@
     column      the pieces of a line that runs up or down, laid side by side, read well
     two lines   the texts of two lines together fit the format
 
-Only a doubtful part is looked at again; a photograph that lies upside down is then read so. Lines on an arc are read
-(`recognition.find.tries`).
+Only a doubtful part is looked at again; an upside-down photograph is then read. Lines on an arc are always read.
 """
 
 from __future__ import annotations
@@ -42,10 +41,7 @@ class LayoutKind(StrEnum):
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout in which a part reads well, with the text of the serial, or of both its lines.
-
-    `line` is the one that lies upside down, in reading direction.
-    """
+    """A layout in which a part reads well, with its text; an upside-down `line` is in reading direction."""
 
     kind: LayoutKind
     texts: tuple[str, ...]

@@ -21,7 +21,6 @@ class Looks:
         self._strip: tuple[tuple[object, ...], Layers] | None = None
 
     def may_look(self, *, spared: int = 0) -> bool:
-        """Whether another look is allowed, beside those that are spared."""
         allowed = self.most is None or self.count + spared < self.most
         return allowed and not self.deadline.is_over()
 

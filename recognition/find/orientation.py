@@ -63,8 +63,7 @@ def read_ways(
 ) -> ReadLine:
     """Read a line in each other orientation in which its text can be read, but not by characters of the same shape.
 
-    Args:
-        in_mirror: whether to read it with the rows in the other order whatever its text is, if their order is unknown.
+    With `in_mirror` it is read with the rows in the other order whatever its text is: their order is unknown.
     """
     grammar, seen = search.request.grammar, {}
     for way in ways:

@@ -13,10 +13,7 @@ from recognition.see.text_line import TextLine
 
 @dataclass(frozen=True, eq=False)
 class PartLines:
-    """Lines read on a part, in every orientation in which they can be read; candidates look like the serial's.
-
-    `longer` is the main line made longer at an end, if it then reads about as well as more characters.
-    """
+    """Lines read on a part in every orientation; `candidates` are like the serial's, `longer` has more characters."""
 
     main: ReadLine | None
     named: Mapping[str, ReadLine] = field(default_factory=lambda: MappingProxyType({}))

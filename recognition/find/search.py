@@ -45,21 +45,17 @@ class Search:
     looks: Looks = field(default_factory=Looks)
 
     def on(self, view: View) -> Self:
-        """The same search in another view of the part."""
         return replace(self, view=view)
 
     def under(self, grammar: Grammar | None) -> Self:
-        """The same search for another format."""
         return replace(self, request=replace(self.request, grammar=grammar))
 
     @cached_property
     def finder(self) -> Finder:
-        """Finds lines of the view."""
         return Finder(self.view, self.request.height_mm)
 
     @cached_property
     def finder_lines(self) -> Sequence[FoundLine]:
-        """The finder's lines, most promising first."""
         return self.finder.lines()[: self.request.limits.most_lines]
 
     def candidates(self) -> list[TextLine]:
@@ -160,7 +156,6 @@ class Search:
         ]
 
     def in_region(self, lines: Iterable[ReadLine]) -> list[ReadLine]:
-        """Keep the lines whose middle lies in the serial's region."""
         return [read for read in lines if stands_in(self.request.region, read.line, self.view)]
 
     def may_run(self, line: TextLine) -> bool:

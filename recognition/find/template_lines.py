@@ -2,8 +2,6 @@
 
 view --every size, coarsely--> responses of all templates --rows and sizes that they explain most--> best rows
 best row --finer--> chain, its spacing --> candidate --finest, every template in every cell--> Steps --> ReadLine
-
-What explains far less than the best is not looked at more finely, and no line is compared twice.
 """
 
 from __future__ import annotations
@@ -63,11 +61,9 @@ class TemplateSearch(Search):
         return ((usual, first), (usual, further), *((style, first) for style in others))
 
     def heights_mm(self) -> list[float]:
-        """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
         return [size.height_mm for size in self._sizes(self._fonts.fonts[0], STYLES[0])]
 
     def candidates(self) -> list[TextLine]:
-        """Propose lines, most promising first, without reading them."""
         return self._candidates(*self._tries[0])
 
     def turned_candidates(self, *turns_deg: float) -> list[TextLine]:
@@ -147,7 +143,6 @@ class TemplateSearch(Search):
         return lines[: self._fonts.matching.most_lines]
 
     def _sizes(self, font: Font, style: MarkStyle) -> list[_Size]:
-        """Character heights worth a look, first the one whose templates explain most along any row of the view."""
         key = self.view, font.name, style
         if key not in self._ranked:
             sizes = [self._sketch(height_mm, font, style) for height_mm in self._ladder_mm()]
@@ -157,7 +152,6 @@ class TemplateSearch(Search):
         return self._ranked[key]
 
     def _likely_styles(self, *, least_share: float = 0.8) -> list[MarkStyle]:
-        """Styles that explain about as much of the part as the best one, as far as they were compared."""
         explained = {style: 0.0 for _, _, style in self._ranked} or dict.fromkeys(STYLES, 1.0)
         for (_, _, style), sizes in self._ranked.items():
             explained[style] = max(explained[style], *(size.explained_mm for size in sizes))

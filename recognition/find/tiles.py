@@ -3,9 +3,8 @@
 view --at several scales--> contrast evened out --tiles--> the most certain findings of each cell --joined--> lines
 photograph --at several scales--> only the tiles that are like text --> the same
 
-The network was trained on parts that fill the picture. It misses a line that has other edges one or two character
-heights away. A tile shows little more than a line and the land around it. Where a row of strokes lies on calmer land,
-upright edges are denser than above and below.
+The network was trained on parts that fill the picture, and misses a line with other edges one or two character heights
+away. A row of strokes on calmer land has denser upright edges than the land above and below.
 """
 
 from __future__ import annotations
@@ -40,9 +39,8 @@ def find_in_tiles(
 ) -> list[FoundLine]:
     """Find the small lines of a view, most promising first; they run within some 30 degrees of level.
 
-    Args:
-        fine: whether to look for the smallest characters too, which takes most of the time.
-        most_tiles: most tiles of a view, at all scales: some two seconds. Scales that need more are left out.
+    The smallest characters (`fine`) take most of the time. Scales that need more than `most_tiles`, some two seconds,
+    are left out.
     """
     lines, left = list[FoundLine](), most_tiles
     scales_mm = text_scales_mm(view) if height_mm is None else [height_mm]

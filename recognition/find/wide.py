@@ -1,9 +1,7 @@
 """Find lines of any size in a large photograph, where they may fill a twentieth of its width.
 
-    picture --at several scales--> tiles that are like text, and all of a coarse one --finder--> lines
-    lines --a cheap look at each--> text, most promising first
-
-A fine scale without rows of upright edges costs hardly any time.
+picture --at several scales--> tiles that are like text, and all of a coarse one --finder--> lines
+lines --a cheap look at each--> text, most promising first
 """
 
 from __future__ import annotations
