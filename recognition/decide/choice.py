@@ -74,7 +74,6 @@ class Choice(OneLine):
 
     @property
     def whole(self) -> tuple[bool, ...]:
-        """Whether each character was felt from edge to edge; empty if that is not known."""
         known = self.marks is not None and self.marks.has_strokes(self.posteriors)
         return self.marks.whole if self.marks is not None and known else ()
 
@@ -98,7 +97,6 @@ class Choice(OneLine):
 
     @property
     def font(self) -> str:
-        """Font along whose strokes the marks are graded, or else the most probable face; empty if none fits."""
         if self.in_own_font is not None:
             return self.in_own_font.font.name
         along = None if self.marks is None or self.marks.font_fits else self.marks.along
@@ -107,7 +105,6 @@ class Choice(OneLine):
 
     @property
     def faces(self) -> Mapping[str, float]:
-        """Probability of each face that the text may be in, and of none; empty if unknown."""
         return {} if self.line is None or not self.characters else self.line.faces
 
     @property
@@ -124,7 +121,6 @@ class Choice(OneLine):
 
     @cached_property
     def height_mm(self) -> float:
-        """Character height; 0 if unknown."""
         marks, line = self.sense.marks, self.line
         if self.in_own_font is not None:
             return self.in_own_font.height_mm
@@ -134,7 +130,6 @@ class Choice(OneLine):
 
     @cached_property
     def rotation_deg(self) -> float:
-        """Rotation of the line, from +x towards +y."""
         if self.in_own_font is not None:
             return self.in_own_font.rotation_deg
         return 0.0 if self.line is None or self.decoding is None else self.line.line.turned_deg

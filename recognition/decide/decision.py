@@ -4,8 +4,7 @@
     contracts: rules that hold whatever the score is ----- none broken ---------------+--> accept; else review
     places: half of them cannot be read -------------------------------------------------> reject
 
-Accept means that nothing is left to do. So an accepted part asks for no action (`Reading.actions`); its grades still
-say how well it is marked.
+Accept means that nothing is left to do: an accepted part asks for no action (`Reading.actions`).
 """
 
 from __future__ import annotations
@@ -64,7 +63,6 @@ class ReadingFlag(Flag):
     text: str
 
     def __new__(cls, kind: Kind | None, text: str) -> Self:
-        """Give each flag the next bit; NONE, the first, has none."""
         flag = object.__new__(cls)
         flag._value_ = 1 << (len(cls.__members__) - 1) if kind else 0
         flag.kind, flag.text = kind, text
@@ -141,7 +139,6 @@ CHECK_FORMAT = "(check the part and the format)"
 BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE) | ReadingFlag.CHANNELS_MIXED
 """Flags that send a reading to review whatever its score."""
 MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
-"""Flags of broken rules for the mark; findings give places and numbers."""
 BESIDE_SERIAL = MEASURE_FLAGS | ReadingFlag.ORIENTATION_UNKNOWN
 """Flags that no further touch can clear; without them the serial is sure."""
 EXPLANATIONS = ReadingFlag.of(Kind.EXPLANATION)

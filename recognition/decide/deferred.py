@@ -1,7 +1,6 @@
 """Fields of dataclasses that are computed when they are first read.
 
-A reading has depths, grades and strokes that few callers look at and that take longer than the reading itself. They are
-pure functions of the evidence, so that it does not matter when they are computed.
+Depths, grades and strokes take longer than the reading, and few callers need them. They depend on the evidence alone.
 """
 
 from __future__ import annotations

@@ -48,7 +48,6 @@ class DepthWindow:
             )
 
     def is_for(self, height_mm: float, *, tolerance: float = 0.05) -> bool:
-        """Whether characters of this measured height, with its relative error, may belong to the window."""
         low, high = self.heights_mm
         return low * (1.0 - tolerance) <= height_mm <= high * (1.0 + tolerance)
 

@@ -96,7 +96,6 @@ class SenseEvidence(OneLine):
 
     @property
     def main(self) -> ReadLine | None:
-        """The serial's line; None if there is none."""
         return None if self.lines is None else self.lines.main
 
     @property
@@ -152,7 +151,6 @@ class Evidence(OneLine):
         return codes if self.vision.scaled == scaled else tuple(replace(code, corners=()) for code in codes)
 
     def joined(self, other: Evidence) -> Evidence:
-        """This evidence with the senses that only the other one has."""
         return Evidence(
             self.touch or other.touch, self.vision or other.vision, self.expected or other.expected,
             (*self.notes, *other.notes), self.other_texts | other.other_texts,

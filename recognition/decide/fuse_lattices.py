@@ -6,11 +6,10 @@ l(c) is a sense's probability of a character relative to a guess. What a sense h
 characters, so a sense that sees nothing has no weight: l is 1. A character that touch rules out stays out. The camera
 rules out only what its format does, and the format acts later.
 
-The weight of the camera is below 1, for the dirt that leaves touch in doubt misleads it, too: two senses that see the
-same dirt do not add up as two that err independently. Weights are in `fuse_lattices.fit.json`; `python
-tests/benchmarks/fit_score.py` fits them: a conditional logit of the true character of each place. It also shows that
-weights which depend on contrast, roughness, cover or sureness of a sense lower the log loss on another generator by at
-most 2.2 %: what a sense knows of its own quality is in its posteriors.
+The weight of the camera is below 1: dirt that leaves touch in doubt misleads it too, so the senses do not err
+independently. `python tests/benchmarks/fit_score.py` fits `fuse_lattices.fit.json`: a conditional logit of the true
+character of each place. Weights that depend on contrast, roughness, cover or sureness of a sense lower the log loss on
+another generator by at most 2.2 %: what a sense knows of its own quality is in its posteriors.
 """
 
 from __future__ import annotations

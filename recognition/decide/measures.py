@@ -1,7 +1,6 @@
 """What is measured of a part with its text: the score rests on some measures, the others only describe the part.
 
-Parts that were certified are compared with parts that are read by all of them
-(`pipeline.reading.certificate_statistics`). Each group is computed when one of it is first read.
+`pipeline.reading.certificate_statistics` compares certified parts by all of them. Each group is computed when needed.
 """
 
 from __future__ import annotations

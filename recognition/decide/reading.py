@@ -107,9 +107,7 @@ class OtherLine:
 class ReadingTrace:
     """Intermediate results of a reading; None where a step was not reached. Strokes are compared when first read.
 
-    Attributes:
-        faces: probability of each face of the library, and of each named font, that the text is in it; under the empty
-            name that it is in none. Empty without such a comparison.
+    `faces` has the probability of each face of the library and each named font, and under "" of none; empty if unknown.
     """
 
     edge_map: EdgeMap | None = None
@@ -145,8 +143,7 @@ class Reading:
     """The reading of one part; font, height, rotation and measures are determined when they are first read.
 
     Attributes:
-        font: font along whose strokes the marks are graded, or else the most probable face of the library
-            (`ReadingTrace.faces`); empty if none fits.
+        font: font whose strokes are graded, or else the most probable face (`ReadingTrace.faces`); empty if none fits.
         spaces_after: places, from 0, that a word gap follows.
         unit: unit of height and boxes: "mm", or "px" (pixels of the original photograph) if the scale is unknown.
     """

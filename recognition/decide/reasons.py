@@ -3,8 +3,7 @@
 flags --importance--> the first two --findings: places and numbers--> words
 rules of the mark, what happened to the scan, notes ----------------> all of them, after these
 
-A finding says what a flag means on this part and replaces the flag's general words. The user asked for the
-rules of the mark, so every broken rule is named.
+A finding's words replace the flag's general ones. The user asked for the rules of the mark: every broken one is named.
 """
 
 from __future__ import annotations

@@ -7,9 +7,8 @@
                                                                             +--lesser--> score, 0 to 1
     probability of the least sure place ------------------------------------+
 
-The whole serial is never surer than its least sure place. Each term is a piecewise linear curve that only rises or only
-falls: a better value never lowers the score. Touch, the camera and both together have weights of their own. The score
-of both is not below that of either alone for the same text: dirt before the camera does not make touch less sure.
+Each term is a piecewise linear curve that only rises or only falls: a better value never lowers the score. Each source
+has its own weights. Both senses score no less than either alone: dirt before the camera makes touch no less sure.
 
 For each risk the fit keeps the least score at which readings of generators that the fit had left out were wrong no more
 often. Weights and thresholds are in `score.fit.json`; `python tests/benchmarks/fit_score.py` fits them.
@@ -113,12 +112,10 @@ class Score:
 
     @property
     def least_threshold(self) -> float:
-        """Least score that any tested risk accepts; 1 if none."""
         return min((test.threshold for test in self.thresholds), default=1.0)
 
     @property
     def least_risk(self) -> float:
-        """Least risk that readings of this source were shown to keep; 1 if none."""
         return min((test.risk for test in self.thresholds), default=1.0)
 
     @property

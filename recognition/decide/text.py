@@ -19,8 +19,7 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.lattice import Lattice
 
 LEAST_PLACES = 4
-"""Least number of characters without a format that count as text if they are unsure: a scratch is read as a 1, two
-dents as OO."""
+"""Characters, without a format, from which unsure ones count as text: a scratch is read as a 1, two dents as OO."""
 
 
 def choose_text(evidence: Evidence, settings: DecisionSettings, alone: Mapping[str, Reading]) -> Choice:

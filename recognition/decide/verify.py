@@ -5,9 +5,8 @@
     posterior b(e)   .99  .98  .01        differs = 1 - product of (b(e) + r)     one is clearly another
     none r           .00  .01  .01
 
-A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other
-texts need not fit the format: a wrong serial may break it. A reading that is accepted with the expected text confirms
-it as well: its score also counts what the format excludes.
+A dirty place counts neither way; one character that is clearly another refutes the whole. Other texts may break the
+format. An accepted reading of the expected text confirms it too: its score also counts what the format excludes.
 """
 
 from __future__ import annotations
@@ -92,10 +91,9 @@ def verify(
     accepted: float = 0.0,
     least: float = 0.99,
 ) -> Verification:
-    """Compare the posteriors of a line with the expected text.
+    """Compare the posteriors of a line, made without knowledge of the text, with the expected text. Raises VerifyError.
 
-    The lattice must have been made without knowledge of the text, and must allow other characters than the
-    expected ones. Below a probability of `least`, nothing is confirmed or refuted. Raises VerifyError.
+    The lattice must allow other characters. Below a probability of `least`, nothing is confirmed or refuted.
     """
     if lattice is None:
         lattice = Lattice((), np.zeros((0, 0)))

@@ -60,8 +60,7 @@ def _rivals(choice: Choice, *, doubted: float = 0.05, most_places: int = 2) -> d
 def other_texts(evidence: Evidence, choice: Choice, settings: DecisionSettings) -> Iterator[Finding]:
     """Raise the threshold for a text that was chosen among k: 1/k of the error is allowed (Bonferroni).
 
-    Looks are those of touch at another height, in another order of the rows and after further passes, of the camera
-    without stains, and of an earlier pass over the lot.
+    Looks differ in height, row order or passes by touch, in stains by camera; an earlier pass over the lot counts too.
     """
     looks = (sense.log.other_texts for sense in choice.senses)
     texts = {choice.text}.union(evidence.other_texts, *looks)

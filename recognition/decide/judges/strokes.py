@@ -1,7 +1,6 @@
 """Judges of the felt strokes: missing ones, ones that leave two characters undecided, and those of another font.
 
-The prior is ignored here: a J whose hook is filled looks like an I. Missing and undecided strokes explain a low score;
-they break no contract by themselves.
+The prior is ignored: a J with a filled hook looks like an I. Such strokes explain a low score, but break no contract.
 """
 
 from __future__ import annotations
@@ -164,8 +163,7 @@ def guessed_characters(
     """Report characters that may be missing from their learned font, if templates alone have read them.
 
     If O was never enrolled, its shape comes from another font, and an enrolled Q fits a true O about as well. A
-    character is doubtful if it is such a guess, or if a guess fits nearly as well. The network judges each character by
-    itself; templates only compare characters that were felt.
+    character is doubtful if it is such a guess, or if a guess fits nearly as well.
     """
     line = choice.line
     if not choice.characters or line is None or "network" in line.by_expert:
