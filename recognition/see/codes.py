@@ -22,10 +22,8 @@ from recognition.language.box import Box
 from recognition.see.photo_frame import photo_origin_mm, photo_pitch_mm
 
 DOT_GAPS = (5, 9)
-"""Gaps over which the dots of a code are joined, px.
-
-With these, all simulated codes are decoded that have 4 to 10 pixels per module and dots at least 0.6 of a module wide,
-dark or bright. Without joining, none with dots of 0.7 or less is decoded."""
+"""Gaps over which dots are joined, px. All simulated codes of 4 to 10 pixels per module are then decoded, with dots of
+0.6 of a module and more, dark or bright. Without joining, none with dots of 0.7 or less is."""
 DOTS_AT = 1_000_000
 """Most pixels of a photograph in which dots are joined; a larger one is shrunk first."""
 _PICTURES = {k: chr(0x2400 + k) for k in range(0x20)} | {0x2420: " "}
@@ -33,12 +31,10 @@ _PICTURES = {k: chr(0x2400 + k) for k in range(0x20)} | {0x2420: " "}
 
 @dataclass(frozen=True)
 class Code:
-    """A decoded code.
+    """A decoded code; in its text, GS1 identifiers are in brackets, control characters are shown as pictures (␝).
 
-    Attributes:
-        text: its text; GS1 identifiers are in brackets, control characters are shown as pictures (␝).
-        corners: x, y of all four in the photo frame, mm (pixels of the original photograph if its scale is unknown);
-            empty if they are not known in the frame of the reading.
+    `corners` are x, y of all four in the photo frame, mm (pixels of the original photograph if its scale is unknown);
+    empty if they are not known in the frame of the reading.
     """
 
     kind: str
@@ -67,10 +63,7 @@ def codes_of(photo: Photo) -> tuple[Code, ...]:
 
 
 def _variants(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
-    """Grey values of a photograph unchanged, then with dots joined: those of a peened code do not touch.
-
-    Each comes with whether the decoder should also try it inverted. Bright dots are inverted here.
-    """
+    """Grey values unchanged, then with the dots of peened codes joined; each with whether to try it inverted too."""
     from glyphs.opencv import cv2
 
     pixels = photo.eight_bit

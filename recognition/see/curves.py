@@ -23,10 +23,7 @@ def straight_through(points: Points, *, before: float, after: float) -> Points:
 def arc_through(
     points: Points, *, height: float, before: float, after: float, least_sag: float = 0.04
 ) -> Points | None:
-    """(n, 2) points along the circle nearest the points (Kasa's fit); None if it hardly bends or with too few points.
-
-    `least_sag` is the sagitta, in heights, below which an arc is a straight line.
-    """
+    """(n, 2) points on the nearest circle (Kasa's fit); None for too few, or a sagitta below `least_sag` heights."""
     points = np.asarray(points, dtype=np.float64)
     if len(points) < 4:
         return None

@@ -32,14 +32,12 @@ def fill_gaps(
     """Fill gaps narrower than a stroke from the samples around them; larger holes stay NaN.
 
     Optical instruments leave single samples of bright metal, and whole lines, without a height. The fill is harmonic:
-    each filled sample is the mean of its neighbours, so planes and level walls are continued exactly. A stroke in a gap
-    that is filled has measured samples on both sides and along it.
+    each filled sample is the mean of its neighbours, so planes and level walls are continued exactly.
 
     Args:
         reach_mm: greatest distance of a filled sample from a measured one; strokes are at least 0.2 mm wide.
         least_reach_px: the same in samples, for coarse maps: single samples, lines, and pairs of them.
-        least_share: least share of measured samples within three samples of a filled one; where fewer are known, a
-            stroke would be mostly invented.
+        least_share: least share measured within three samples of a filled one; with less, strokes would be invented.
     """
     z = height_map.z_mm
     missing = np.isnan(z)
@@ -75,15 +73,10 @@ def filled_note(measured: HeightMap, mounted: HeightMap, *, least_share: float =
 def square_to_plate(
     height_map: HeightMap, soil: Soil | None = None, *, level_deg: float = 2.0, most_deg: float = 70.0
 ) -> tuple[HeightMap, Soil | None]:
-    """Resample a tilted map in the frame of its plate: depths are then square to it, characters as wide as they are.
+    """Resample a tilted map square to its plate. Raises MapError: a soil on another grid, or too large a map.
 
-    At 30 degrees, depths along z are 15 % too large, and characters 13 % too narrow along the slope.
-
-    Args:
-        level_deg: tilt up to which the map stays as it is: its depths are at most 0.06 % too large.
-        most_deg: tilt from which it stays as it is, too: no instrument sees a plate from so far aside.
-
-    Raises MapError for a soil on another grid, or a map that is too large in the plate's frame.
+    At 30 degrees, depths along z are 15 % too large, and characters 13 % too narrow along the slope. A map stays
+    as it is up to `level_deg`, where depths are 0.06 % too large, and from `most_deg`: no instrument sees so far aside.
     """
     if soil is not None:
         check_soil(soil, height_map.shape)
@@ -132,12 +125,10 @@ def _plate_slope(height_map: HeightMap, *, fewest: int = 100, differ: float = 0.
 
 
 def level(height_map: HeightMap, *, degree: int = 2, rounds: int = 12) -> HeightMap:
-    """Larger holes stay NaN.
+    """Remove the shape of the land; larger holes stay NaN. Raises MapError if the heights are few, or lie on one line.
 
-    Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned
-    grid. Only the mounting is imitated; edges are not filtered.
-
-    Raises MapError if the heights are few, or lie on one line.
+    Iteratively reweighted least squares with Tukey's biweight at three robust standard deviations, on a thinned grid.
+    Only the mounting is imitated; edges are not filtered.
     """
     _check_spread(np.isfinite(height_map.z_mm))
     z = fill_gaps(height_map).z_mm

@@ -16,9 +16,8 @@ def resample(
 ) -> NDArray[np.float32]:
     """Resample layers to another pitch, from the same origin; blur them first if the new pitch is coarser.
 
-    Args:
-        blur: for a new pitch r times the old one, r > 1, sigma of the blur is `blur * (r - 1)` old pixels.
-        most_blurred: ratio of the pitches from which the view is halved first: a wide blur of many pixels takes long.
+    For a pitch r > 1 times the old one, sigma of the blur is `blur * (r - 1)` old pixels. From r = `most_blurred` the
+    view is halved first: a wide blur of many pixels takes long.
     """
     from glyphs.opencv import cv2
 

@@ -5,8 +5,7 @@
 A flat plate is equally bright under every light; a flank is bright under one and dark under another. The logarithm of
 brightness changes from light to light about linearly with the two slopes, so two components contain nearly all of the
 change. As the lamps' positions are unknown, these are the slopes turned and stretched. But flat ground stays flat, so
-their size shows the flanks, drawn dark. Stains, rust and paint are equally dark under all lights, and so drop out.
-Glints and shadows are clipped.
+their size shows the flanks, drawn dark. Stains are equally dark under all lights and drop out; glints are clipped.
 Sources: R. Woodham, Opt. Eng. 19 (1980) 139; H. Hayakawa, JOSA A 11 (1994) 3079 (lights that are not known).
 """
 
@@ -30,9 +29,8 @@ def slope_picture(
 ) -> Floats | None:
     """Picture of the slopes, dark on light, (rows, cols) 0 to 1; None for too few photographs or only one light.
 
-    Args:
-        near: sigma of the blur that gives local brightness, as a share of the longer side.
-        least_share: least share of all changes in two components if the light changed; of noise it is 2 / (n - 1).
+    Local brightness is blurred by `near` of the longer side. If the light changed, two components hold `least_share` of
+    all changes; of noise they hold 2 / (n - 1).
     """
     from glyphs.opencv import cv2
 

@@ -3,9 +3,8 @@
     colour of a pixel --mean brightness of all pixels of that colour--> its stain
     brightness minus its stain ----------------------------------------> shading: the relief
 
-Rust, paint and oil change colour and brightness together; a flank that the lamp hits changes only brightness.
-Marks filled with paint differ in colour, so they are removed as well. The result is therefore read in addition to the
-photograph, not instead of it.
+Rust, paint and oil change colour and brightness together; a flank that the lamp hits changes only brightness. Marks
+filled with paint are removed as well, so the result is read in addition to the photograph, not instead of it.
 Sources: B. Funt, M. Drew, M. Brockington, ECCV 1992 (shading from colour); E. Nadaraya, Theory Probab. Appl. 9 (1964)
 141 (kernel regression, here in a table of colours).
 """

@@ -1,10 +1,8 @@
 """A line through the serial, as one strikes out what no longer counts: it crosses the gaps between the characters, too.
 
-    |  /   ---      -|--/---/---\\--
-    | /     /        | /     /         in every gap, at one height: mark where there is land above and below
-    |/     /         |/     /
-
-What crosses only characters is no such line.
+|  /   ---      -|--/---/---\\--
+| /     /        | /     /         in every gap, at one height: mark where there is land above and below
+|/     /         |/     /
 """
 
 from __future__ import annotations
@@ -32,12 +30,8 @@ def strike_through(
 ) -> float:
     """How much of the characters' own contrast a line through all gaps has; 0 with few characters.
 
-    Args:
-        columns: (places,) columns of the characters in the line's strip.
-        within: distance of the line from the middle, and its rise from end to end, at most; character heights.
-        beside: distance above and below at which there must be land.
-        most_gaps_without: share of the gaps that may be without it.
-        fewest: characters from which there are enough gaps.
+    The line stays `within` character heights of the middle, and rises no more, with land `beside` it above and below.
+    `columns` are (places,) in the line's strip.
     """
     values = view.strip(line, zoom=ZOOM)[HEIGHTS if view.kind is ViewKind.FELT else GREY]
     places, middle = ZOOM * columns, 0.5 * (values.shape[0] - 1)

@@ -29,9 +29,7 @@ MARGIN = 0.4
 class TextLine:
     """A line of text. Raises ValueError.
 
-    Attributes:
-        centre_mm: (n, 2) at least two points x, y in the frame of the view, from the left edge of the first character
-            to the right edge of the last.
+    `centre_mm` is (n >= 2, 2) x, y in the frame of the view, from the first character's left edge to the last's right.
     """
 
     centre_mm: Points

@@ -60,11 +60,9 @@ class ViewKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A view of a part: layers on a grid. Raises ValueError.
+    """A view of a part: read-only, finite (LAYERS, rows, columns) float32 on a grid. Raises ValueError.
 
-    Attributes:
-        layers: (LAYERS, rows, columns) float32, read-only, finite.
-        pitch_mm: pitch of the grid; 1 for a photograph of unknown scale, whose millimetres are pixels.
+    `pitch_mm` is 1 for a photograph of unknown scale, whose millimetres are pixels.
     """
 
     kind: ViewKind
@@ -140,10 +138,7 @@ class View:
     def strip(
         self, line: TextLine, *, rows: float = ROWS, margin: float = MARGIN, zoom: float = 1.0
     ) -> Layers:
-        """Cut out a line, straightened, with characters of one size.
-
-        Returns (LAYERS, rows * zoom, columns), heights in character heights; the middle row is that of the line.
-        """
+        """Straighten a line: (LAYERS, rows * zoom, columns), heights in character heights, the line in the middle."""
         if line.height_mm / (HEIGHT_ROWS * zoom) >= _AVERAGED_FROM * self.pitch_mm:
             return self.halved.strip(line, rows=rows, margin=margin, zoom=zoom)
         rows, columns = round(rows * zoom), round(line.columns(margin=margin) * zoom)

@@ -42,7 +42,6 @@ class VirtualArray:
         return self.given_speed_mm_s or self.whisker_speed_mm_s
 
     def touch(self, height_mm: float) -> Touch:
-        """Touch of the whiskers for characters of a height."""
         return self.whisker or default_touch(height_mm)
 
     def draw(self, plan: RasterPlan, touch: Touch) -> BenchOptions:

@@ -41,7 +41,6 @@ class VirtualBench:
 
     @property
     def whole(self) -> RasterPlan:
-        """The default plan of the whole part."""
         region = (0.0, 0.0, *self.height_map.size_mm)
         return default_plan(region, character_height_mm=self.height_mm, speed_mm_s=self.array.speed_mm_s)
 
