@@ -18,10 +18,9 @@ stamped parts with the default whisker and ball, gothic, 32 characters each; mic
 
 Depths are shown with these errors. A depth rule removes those of flat and round faces (`depth_bias_mm`).
 
-Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of
-45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom: 13, 21, 29 and 54 micrometres at these
-heights. The true depth is that of the deepest point, where strokes of a V meet. So a SHARP mark is measured too
-shallow, never too deep. Averaging removes a third of the crest of a raised SHARP mark.
+Where dirt in a stroke rises above the land, the depth is 0, never negative. In a V of 45 degrees a ball of radius r
+stops 0.41 (r - root radius) above the bottom: 13, 21, 29 and 54 micrometres at these heights. The true depth is that of
+the deepest point, so a SHARP mark is measured too shallow. Averaging removes a third of a raised SHARP crest.
 
 The burr is the rim beside the strokes, averaged over a few points along them. Touch rounds it off. Of a rim 0.04 mm
 high (K804217, 5 mm), the share felt is 0.19 at a width of 0.1 mm, 0.42 at 0.225, 0.67 at 0.4, 0.78 at 0.6 and 0.81 at
@@ -55,22 +54,19 @@ LEAST_KNOWN = 0.5
 SMOOTH_POINTS = 5
 """Neighbouring points along a stroke that share one middle, so that a single bad sample does not move it."""
 BIAS_HEIGHTS_MM = (3.2, 5.0, 7.0, 12.7)
-"""Character heights of the table above."""
 BIAS_UM = {Face.FLAT: (4.3, 6.0, 7.3, 12.2), Face.ROUND: (1.8, 1.5, 1.5, 1.2)}
-"""Its mean errors, in micrometres (`python tests/benchmarks/depth_accuracy.py`)."""
+"""Mean errors at these heights, from the table above, micrometres (`python tests/benchmarks/depth_accuracy.py`)."""
 DEEP_PERCENT = 90.0
 """Percentile along a centre line that counts as the maximum."""
 
 
 @dataclass(frozen=True)
 class MarkDepth:
-    """Depth of a character, or height of a raised one, from the land beside it, mm: positive for both; 0 where the
-    surface is on the other side of the land, such as over a filled stroke.
+    """Depth of a character, or height of a raised one, mm; 0 where the surface is on the other side of the land.
 
     Attributes:
         min_mm, max_mm: 10th and 90th percentile over the centre line.
-        burr_mm: height of the rim beside the strokes above the land ("high metal"), 90th percentile; for a raised mark
-            the depth of the rim below the land. None if unknown.
+        burr_mm: 90th percentile of the rim's height ("high metal"), for a raised mark its depth; None if unknown.
         bias_mm: usual error of the depths of a clean mark of this face and height; positive if measured too deep.
     """
 

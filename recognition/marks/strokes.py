@@ -58,7 +58,6 @@ class RivalStrokes:
 
     @property
     def excluded_nats(self) -> float:
-        """Evidence from posterior and strokes together for the character that was read, nats."""
         return self.margin - math.log(max(self.belief, 1e-12))
 
 
