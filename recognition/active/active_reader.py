@@ -71,8 +71,7 @@ class ActiveSettings(OneLine):
 
 
 class ActiveReader:
-    """Reader that chooses each pass over a part on a stage:
-    `ActiveReader(Reader(format="AA999999").touch).read(session)`."""
+    """Chooses each pass over a part on a stage: `ActiveReader(Reader(format="AA999999").touch).read(session)`."""
 
     def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
         self.reader = reader

@@ -1,5 +1,4 @@
-"""The line that is being scanned: its position and posterior, updated after every step. So that the stage need not
-wait, a look reads the line only at its last position and at one variant of it, another each time."""
+"""Follow the line that is being scanned; a look reads it at its last position and one variant, so no stage waits."""
 
 from __future__ import annotations
 

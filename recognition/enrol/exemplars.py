@@ -1,8 +1,7 @@
 """Characters cut out of a part whose text is known, for the glyph database.
 
-The recogniser is aligned to the known text (forced alignment): it finds only where each character stands. What was felt
-there is then resampled upright at 40 pixels per character height. The cell's middle is the ink's middle across, and
-half the character height up::
+Forced alignment of the recogniser to the known text finds where each character stands. What was felt there is resampled
+upright at 40 pixels per character height. The middle is the ink's middle across, and half the character height up::
 
           plate frame                      cut, in the line's frame
        _____________________                +-----------+
