@@ -203,10 +203,7 @@ class _Seen:
 def _better_line(
     view: View, request: LineRequest, main: ReadLine | None, *, slack_nats: float = 1.0
 ) -> TextLine | None:
-    """The line of another view that promises more than the photograph's at a cheap look, or hardly less.
-
-    The view is looked at along its own most promising line and along the photograph's.
-    """
+    """The line of another view that promises more than the photograph's at a cheap look, or hardly less."""
     search, known = search_of(view, request), [] if main is None else [main]
     least = max((promise_of(line) - slack_nats for line in known), default=-math.inf)
     lines = search.read([*search.candidates()[:1], *(line.line for line in known)], cheap=True)

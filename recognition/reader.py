@@ -92,10 +92,8 @@ class Reader:
         other lights or at other exposures, are read as one. The middle of a photograph of known scale is taken to lie
         over the middle of the height map. A simulated part is felt with its dirt; its photograph is given beside it.
 
-        Args:
-            part: its height map, scan or photograph, or a simulated part. An array of floats is a map of heights in
-                mm, one of uint8 or uint16 a photograph.
-            soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
+        An array of floats is a map of heights in mm, one of uint8 or uint16 a photograph. `soil` is dirt on the height
+        map into which the tip sinks, and the part's friction, if known.
 
         Raises MapError for a map that cannot be scanned, TypeError for anything else, ValueError without a pitch.
         """

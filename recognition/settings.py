@@ -51,17 +51,13 @@ class ReaderSettings(OneLine):
     """Settings of a reader. Raises FormatError, MarksError or ValueError.
 
     Attributes:
-        fonts: fonts, names of built-in fonts or paths of TTF/OTF files, if known; their templates are compared with
-            the marks.
-        format: format of the serial, written as for the command (a mask such as AA999999, re:, sets:, vin, check:),
-            or a grammar; None if unknown.
+        fonts: the part's fonts, names of built-in ones or paths of TTF/OTF files, if known.
+        format: the serial's, as for the command (AA999999, re:, sets:, vin, check:), or a grammar; None if unknown.
         accept_risk: greatest share of wrong readings among those accepted (default: 1 in 1,000; a sense that was not
             shown to keep it accepts at the least risk that it keeps).
-        region: area that contains the middle of the serial's line, in shares of the photograph or of the scanned area
-            (default: anywhere).
+        region: area with the middle of the serial's line, in shares of the photograph or scan (default: anywhere).
         orientation: possible orientations of a part; with `ANY`, a serial that also reads upside down goes to review.
-        limit_s: seconds after which a sense searches a part no further (default: no limit). A text whose search was cut
-            short is not accepted.
+        limit_s: seconds after which a sense stops its search (default: no limit); a search cut short accepts no text.
     """
 
     fonts: Sequence[str | Font] = ()

@@ -31,8 +31,7 @@ LEAST_STEP_MM = 2e-4
 """Difference of heights below which no mark can be felt."""
 
 OpenStage = Callable[[HeightMap, Soil | None, float, Region | None], StageSession]
-"""A function that mounts a surface with its soil on a stage whose whiskers are for characters of a height, mm; its
-field is the region, if given."""
+"""Mounts a surface with its soil for characters of a height, mm, on a stage whose field is the region, if given."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,7 +87,6 @@ def _feel_in_either_order(touch: TactileReader, surface: Surface) -> SenseEviden
 
 
 def _feel(touch: TactileReader, surface: Surface) -> SenseEvidence:
-    """Feel a surface, whole or pass by pass, at one height of characters after the other until its serial is sure."""
     times, array = StepTimes(), touch.settings.array
     with times.step("mount"):
         squared, soil = square_to_plate(surface.height_map, surface.soil)
