@@ -5,8 +5,6 @@ whiskers are a height apart. A block is as wide as the array::
 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
-
-The first direction begins with `FIRST` such lines, 8 per character height. Each later direction begins with `JOINED`.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from whisker_array.whisker.passes import Pass
 Region = tuple[float, float, float, float]
 
 FIRST = 4
-"""Lines per half character height of the first step over a part."""
+"""Lines per half character height of the first step over a part: 8 per character height."""
 JOINED = 2
 """Lines per half character height of the first step in each further direction."""
 MOST = 16

@@ -128,7 +128,6 @@ class Score:
 SENSE_NAMES = MappingProxyType(
     {"tactile": "touch", "vision": "the camera", "fused": "touch and camera together"}
 )
-"""Names of the sources in messages."""
 
 
 def log_odds(belief: float) -> float:

@@ -259,8 +259,6 @@ class TemplateSearch(Search):
 
 @dataclass(frozen=True)
 class _Size:
-    """A height of characters, the most that coarse templates explain along a row, and the best rows."""
-
     height_mm: float
     explained_mm: float
     rows: tuple[TextLine, ...]

@@ -1,5 +1,4 @@
-"""Centre lines of a character's strokes, where they are deepest, as points about its reference point. In an outline
-font they are the skeleton of the outline, without its branches into corners and serifs."""
+"""Centre lines of strokes, where they are deepest; of an outline, its skeleton without branches into corners."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 
 @dataclass(frozen=True, eq=False)
 class CentreLine:
-    """Points along the middle of a character's strokes."""
+    """Points along the middle of a character's strokes, about its reference point."""
 
     # (n, 2) offsets (u to the right, v down) from the reference point, the middle of the ink's width at half
     # the height; character heights
