@@ -392,8 +392,8 @@ def risk_thresholds(
 ) -> Mapping[float, ThresholdTest]:
     """Find the proven threshold of each risk by itself, as in `threshold_tests`; a risk that none keeps has none.
 
-    `keeps` says whether a risk is kept from a threshold on in another way, too. A smaller risk has no lower threshold: in
-    a group that is too small to test it, the larger risk may have failed.
+    `keeps` says whether a risk is also kept otherwise from a threshold on. A smaller risk has no lower threshold: in a
+    group that is too small to test it, the larger risk may have failed.
     """
     proven, least = dict[float, ThresholdTest](), 0.0
     for risk in sorted(risks, reverse=True):
