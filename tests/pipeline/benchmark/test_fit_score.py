@@ -187,10 +187,11 @@ def test_the_shipped_fit_is_that_of_the_kept_readings() -> None:
     parts = kept_readings.load(kept_readings.KEPT)
     judged, thresholds, fitted = fit_score.fit_all(parts)
     # with both senses, a part that one of them reads alone counts as well
-    for mode, risk in [(mode, risk) for mode in SOURCES for risk in thresholds[mode]]:
-        accepted = [one for one in judged if one.mode == mode and accepts(one, thresholds, risk)]
-        wrong = sum(not one.reading.right for one in accepted)
-        assert share_bounds(wrong, len(accepted), confidence=CONFIDENCE_LEVEL)[1] <= risk
+    for source in SOURCES:
+        for risk in thresholds[source]:
+            accepted = [one for one in judged if one.mode == source and accepts(one, thresholds, risk)]
+            wrong = sum(not one.reading.right for one in accepted)
+            assert share_bounds(wrong, len(accepted), confidence=CONFIDENCE_LEVEL)[1] <= risk
     for path, content in fit_score.contents_of(parts, thresholds, fitted).items():
         assert_same(json.loads(json.dumps(content)), json.loads(path.read_text(encoding="utf-8")))
 
