@@ -19,6 +19,7 @@ from recognition.decide.choice import Choice
 from recognition.decide.deferred import deferred
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.reading import CharacterReading, mean_depth_mm
+from recognition.decide.risk import ALONE_RISK, threshold_of
 from recognition.decide.score import DIGITS, Measure, score_of
 from recognition.marks.depth import MarkDepth
 from recognition.marks.no_depth import NoDepth
@@ -64,7 +65,7 @@ def measure_text(
     return replace(
         choice,
         accept_risk=settings.risk_of(choice.scored_as),
-        threshold=settings.least_score(choice.scored_as),
+        threshold=_threshold(choice, settings),
         measures=Measures({**groups, tuple(of_score): lambda: of_score}),
         score=score,
     )
@@ -75,6 +76,20 @@ def _score(choice: Choice, measures: Mapping[Measure, float]) -> float:
     alone = choice.alone.values() if choice.is_fused else ()
     same_text = (reading.confidence for reading in alone if reading.plain_text == choice.text)
     return max([score_of(choice.scored_as).probability(measures), *same_text])
+
+
+def _threshold(choice: Choice, settings: DecisionSettings) -> float:
+    """The threshold; that of one sense where it accepts the text alone, at small risks."""
+    risk = settings.risk_of(choice.scored_as)
+    alone = choice.alone.values() if choice.is_fused and risk <= ALONE_RISK else ()
+    reached = [
+        least
+        for reading in alone
+        if reading.plain_text == choice.text
+        and (least := threshold_of(reading.source, risk)) is not None
+        and reading.confidence >= least
+    ]
+    return min([settings.least_score(choice.scored_as), *reached])
 
 
 def _with_marks(choice: Choice) -> Choice:

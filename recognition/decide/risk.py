@@ -15,6 +15,9 @@ from recognition.decide.decision import Finding, ReadingFlag
 from recognition.decide.risk_text import CANNOT_PROMISE, USUAL_RISK, risk_in_words
 from recognition.decide.score import SENSE_NAMES, SOURCES, score_of
 
+ALONE_RISK = 0.005
+"""Risk up to which both senses together accept what one of them accepts alone. At larger risks its parts on which they
+disagree, which are right as a rule, would be missed among the others (`python tests/benchmarks/fit_score.py`)."""
 _INSTEAD = {
     "tactile": "photograph the part as well",
     "vision": "touch the part",

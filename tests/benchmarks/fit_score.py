@@ -47,6 +47,7 @@ from recognition.decide.fuse_lattices import (
     relative_likelihood,
 )
 from recognition.decide.measures import text_measures, unsettled_twins
+from recognition.decide.risk import ALONE_RISK
 from recognition.decide.risk_text import risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
 from recognition.language.lattice import Lattice
@@ -344,11 +345,13 @@ class Judged:
         mode: one of `SOURCES`: the senses that could be used.
         reading: the reading.
         score: its score.
+        alone: score of each sense that reads the same text alone, if both have read.
     """
 
     mode: str
     reading: KnownReading
     score: float
+    alone: Mapping[str, float]
 
 
 def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Judged]:
@@ -366,16 +369,22 @@ def judge(parts: Sequence[KeptPart], fold: Callable[[KeptPart], str]) -> list[Ju
                 for mode in SOURCES:
                     reading = read(part, mode, fitted)
                     if reading is not None:
-                        judged.append(Judged(mode, reading, score_reading(reading, fitted)))
+                        judged.append(score_reading(mode, reading, fitted))
     return judged
 
 
-def score_reading(reading: KnownReading, fitted: Fit) -> float:
-    """The score; both senses together are no less sure of a text than one of them alone."""
+def score_reading(mode: str, reading: KnownReading, fitted: Fit) -> Judged:
+    """Score a reading; both senses together are no less sure of a text than one of them alone."""
+
+    def score(reading: KnownReading) -> float:
+        return fitted.scores[reading.source].probability(reading.measures)
+
     both = reading.source == "fused"
     senses = [_by_sense(reading.part, sense) for sense in ("tactile", "vision") if both]
-    same_text = [sense for sense in senses if sense is not None and sense.text == reading.text]
-    return max(fitted.scores[r.source].probability(r.measures) for r in (reading, *same_text))
+    alone = {
+        sense.source: score(sense) for sense in senses if sense is not None and sense.text == reading.text
+    }
+    return Judged(mode, reading, max(score(reading), *alone.values(), 0.0), alone)
 
 
 Thresholds = Mapping[str, Mapping[float, ThresholdTest]]
@@ -408,19 +417,18 @@ def risk_thresholds(
 def find_thresholds(judged: Sequence[Judged]) -> Thresholds:
     """Test thresholds on readings that break no contract: together, of each generator, with a format and without.
 
-    Where both senses may be used, one of them has sometimes read alone, and is accepted from its own threshold on. What
-    is accepted then must keep the risk as well, all parts together.
+    Where both senses may be used, one of them has sometimes read alone, or is sure enough alone: then its own threshold
+    counts. What is accepted so must keep the risk as well, all parts together.
     """
     found = dict[str, Mapping[float, ThresholdTest]]()
     for source in SOURCES:
         readings = [one for one in judged if one.mode == source and not one.reading.broken]
         by_source = [one for one in readings if one.reading.source == source]
-        alone = [one for one in readings if one.reading.source != source]
         found[source] = risk_thresholds(
             [one.score for one in by_source],
             [one.reading.right for one in by_source],
             RISKS,
-            keeps=partial(_keep_together, by_source, alone, found),
+            keeps=partial(_keep_together, readings, source, found),
             confidence=CONFIDENCE_LEVEL,
             thresholds=THRESHOLDS,
             groups=[groups_of(one.reading.part) for one in by_source],
@@ -430,14 +438,13 @@ def find_thresholds(judged: Sequence[Judged]) -> Thresholds:
 
 
 def _keep_together(
-    by_source: Sequence[Judged],
-    alone: Sequence[Judged],
-    thresholds: Thresholds,
-    risk: float,
-    threshold: float,
+    readings: Sequence[Judged], source: str, thresholds: Thresholds, risk: float, threshold: float
 ) -> bool:
-    accepted = [one for one in by_source if one.score >= threshold]
-    accepted += [one for one in alone if accepts(one, thresholds, risk)]
+    accepted = [
+        one
+        for one in readings
+        if (one.reading.source == source and one.score >= threshold) or accepts(one, thresholds, risk)
+    ]
     wrong = sum(not one.reading.right for one in accepted)
     return share_bounds(wrong, len(accepted), confidence=CONFIDENCE_LEVEL)[1] <= risk
 
@@ -449,8 +456,13 @@ def groups_of(part: KeptPart) -> tuple[str, str]:
 
 def accepts(one: Judged, thresholds: Thresholds, risk: float) -> bool:
     """Whether a reading is accepted at a risk; never by a source that was not shown to keep it."""
-    kept = [test.threshold for least, test in thresholds[one.reading.source].items() if least <= risk]
-    return bool(kept) and not one.reading.broken and one.score >= min(kept)
+    scores = {**(one.alone if risk <= ALONE_RISK else {}), one.reading.source: one.score}
+    return not one.reading.broken and any(
+        score >= test.threshold
+        for source, score in scores.items()
+        for tested, test in thresholds.get(source, {}).items()
+        if tested <= risk
+    )
 
 
 def kinds_of(parts: Sequence[KeptPart], *fields: str) -> dict[str, list[KeptPart]]:

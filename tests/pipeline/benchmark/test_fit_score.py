@@ -169,7 +169,7 @@ def test_senses_that_are_sure_of_different_texts_disagree() -> None:
 def test_accepted_readings_reach_the_threshold_of_their_source(seed: int) -> None:
     rng = np.random.default_rng(seed)
     judged = [
-        Judged("tactile", known(1.0, bool(rng.random() < 0.995)), float(score))
+        Judged("tactile", known(1.0, bool(rng.random() < 0.995)), float(score), {})
         for score in expit(rng.normal(3.0, 2.0, 600))
     ]
     thresholds = find_thresholds(judged)
@@ -180,7 +180,7 @@ def test_accepted_readings_reach_the_threshold_of_their_source(seed: int) -> Non
         if tests:
             assert len(accepted) == max(test.accepted for test in tests)
     broken = replace(judged[0].reading, broken=True)
-    assert not accepts(Judged("tactile", broken, 1.0), thresholds, 0.05)
+    assert not accepts(Judged("tactile", broken, 1.0, {}), thresholds, 0.05)
 
 
 def test_the_shipped_fit_is_that_of_the_kept_readings() -> None:
