@@ -19,7 +19,7 @@ from recognition.decide.choice import Choice
 from recognition.decide.deferred import deferred
 from recognition.decide.evidence import DecisionSettings, Evidence
 from recognition.decide.reading import CharacterReading, mean_depth_mm
-from recognition.decide.risk import ALONE_RISK, threshold_of
+from recognition.decide.risk import threshold_beside
 from recognition.decide.score import DIGITS, Measure, score_of
 from recognition.marks.depth import MarkDepth
 from recognition.marks.no_depth import NoDepth
@@ -79,15 +79,14 @@ def _score(choice: Choice, measures: Mapping[Measure, float]) -> float:
 
 
 def _threshold(choice: Choice, settings: DecisionSettings) -> float:
-    """The threshold; that of one sense where it accepts the text alone, at small risks."""
+    """The threshold of the score, or that of a sense which accepts the text alone."""
     risk = settings.risk_of(choice.scored_as)
-    alone = choice.alone.values() if choice.is_fused and risk <= ALONE_RISK else ()
+    alone = choice.alone.values() if choice.is_fused else ()
+    same_text = [reading for reading in alone if reading.plain_text == choice.text]
     reached = [
         least
-        for reading in alone
-        if reading.plain_text == choice.text
-        and (least := threshold_of(reading.source, risk)) is not None
-        and reading.confidence >= least
+        for reading in same_text
+        if (least := threshold_beside(reading.source, risk)) is not None and reading.confidence >= least
     ]
     return min([settings.least_score(choice.scored_as), *reached])
 

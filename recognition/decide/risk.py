@@ -45,6 +45,11 @@ def least_score(source: str, risk: float) -> float:
     return 1.0 - risk if threshold is None else threshold
 
 
+def threshold_beside(source: str, risk: float) -> float | None:
+    """Least score from which one sense accepts although both have read; None where both must be sure together."""
+    return threshold_of(source, risk) if risk <= ALONE_RISK else None
+
+
 def risk_findings(source: str, risk: float) -> tuple[Finding, ...]:
     """Report that a source of readings cannot keep a risk; empty if it can."""
     if threshold_of(source, risk) is not None:

@@ -178,6 +178,21 @@ def test_a_camera_that_dirt_misleads_does_not_make_touch_less_sure() -> None:
     assert read.confidence == by_touch.confidence > min(place.confidence for place in read.characters)
 
 
+@pytest.mark.parametrize(("risk", "threshold"), [(None, 0.98), (0.01, 0.999)])
+def test_both_accept_at_small_risks_what_touch_accepts_alone(
+    risk: float | None, threshold: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    least = {"tactile": 0.98, "vision": 0.99, "fused": 0.999}
+    monkeypatch.setattr(room, "threshold_of", lambda source, risk: least[source])
+    known = replace(SETTINGS, accept_risk=risk)
+    felt = touch(of_text("AB1234", [0.9999, 0.9999, 0.995, 0.9999, 0.9999, 0.9999], rival="AB7234"))
+    misled = vision(of_text("AB1234", [0.9, 0.9, 0.2, 0.9, 0.9, 0.9], rival="AB7234"))
+    read = fuse(felt, misled, known)
+    assert 0.98 < read.confidence == alone(felt, known).confidence < 0.999
+    assert read.threshold == threshold
+    assert read.decision is (Decision.REVIEW if risk else Decision.ACCEPT)
+
+
 def test_the_photograph_of_another_part_sends_it_to_review() -> None:
     read = fuse(touch(of_text("RY354206", 0.99999)), vision(of_text("TG391882", 0.999)), EIGHT)
     assert read.decision is Decision.REVIEW
