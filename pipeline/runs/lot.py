@@ -18,7 +18,7 @@ FEWEST_PARTS = 12
 MOST_TEACHERS = 40  # enrolled parts
 EXEMPLARS_EACH = 6  # of a character, after which no further part is enrolled for it
 LEAST_AGREEMENT = 0.7
-"""Least share of exemplars that agree with others of their character: nine in ten of one die, none of two dies."""
+"""Least share of exemplars that agree with others of their character: nine in ten do of one die, none of two dies."""
 _MOST_CONSIDERED = 2000
 
 

@@ -215,7 +215,8 @@ class RunStore:
         self._store.close()
 
     def keep(self, part: PartFiles, read: ReadPart) -> bool:
-        """Store a part that could be read; whether it is new. Raises ValueError: a text. FileError: a picture."""
+        """Store a part that could be read; whether it is new. Raises ValueError: no store can hold a text.
+        FileError: a picture cannot be kept."""
         from pipeline.store.errors import MAX_TEXT, AlreadyDoneError, cleaned
         from pipeline.store.parts import IdempotencyKey
 

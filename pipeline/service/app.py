@@ -170,7 +170,7 @@ class Service:
         started_s: float | None = None,
     ) -> None:
         """Open store and folders, and start to warm up the workers; `started_s` is by the monotonic clock. Raises
-        StoreError, FileError: one cannot be opened. SettingsError: settings contradict the certificate or jobs."""
+        StoreError, FileError: store, folder, certificate or job is unusable. SettingsError: settings contradict it."""
         self.settings = settings
         workers = workers or PoolSettings()
         machine = machine or Machine.of(workers.processes)

@@ -16,8 +16,8 @@ from recognition.decide.risk_text import CANNOT_PROMISE, USUAL_RISK, risk_in_wor
 from recognition.decide.score import SENSE_NAMES, SOURCES, score_of
 
 ALONE_RISK = 0.005
-"""Risk up to which both senses together accept what one of them accepts alone. At larger risks its parts on which they
-disagree, which are right as a rule, would be missed among the others (`python tests/benchmarks/fit_score.py`)."""
+"""Risk up to which both senses together accept what one of them accepts alone. A larger risk would not be kept: parts
+on which the senses disagree, most of them right, go to review (`python tests/benchmarks/fit_score.py`)."""
 _INSTEAD = {
     "tactile": "photograph the part as well",
     "vision": "touch the part",
