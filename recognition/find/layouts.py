@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from recognition.find.line_variants import is_same_place, lengthen
 from recognition.find.orientation import line_in_view
-from recognition.find.promise import is_convincing, promise_of
+from recognition.find.promise import is_convincing, promise_of, share_of
 from recognition.find.search import Search
 from recognition.language.constrained_decoding import choose
 from recognition.language.orientation import Way
@@ -56,6 +56,9 @@ def other_layout(
     # probability of the serial's text below which a part is doubtful; one in another layout has hardly more
     # than 0.1
     doubtful: float = 0.4,
+    # share of the greatest promise from which a line that keeps to a format is the serial as it lies: of 156 plates
+    # turned, mirrored, in columns and in two lines the format made none more promising than 0.35
+    fits: float = 0.5,
     # number of characters without a format below which they may be a piece of a column
     least_places: int = 4,
 ) -> Layout | None:
@@ -65,6 +68,8 @@ def other_layout(
         choice = choose(main.lattice, grammar, k=1)
         sure = bool(choice.text) and choice.probability * main.count_probability >= doubtful
         if sure and (grammar is not None or len(choice.text) >= least_places):
+            return None
+        if grammar is not None and share_of(main) >= fits:
             return None
     lines: list[TextLine] = []
     for line in (
