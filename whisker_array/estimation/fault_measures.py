@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
-from whisker_array.arrays import AnyFloats, Mask
+from whisker_array.arrays import AnyFloats, Mask, quantile_of_known
 from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.estimate import is_profiler
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
@@ -82,21 +82,24 @@ def sweep_shares(scan: Scan, *, outside: bool = False) -> list[SweepShares]:
         air = sweep.air_n_mm[across].astype(np.float64) / land
         if scan.calibration is not None:
             air /= scan.calibration.gain[:, None]
-        air = air - quantile_of_known(air)[..., None]
-        level = np.nan_to_num(quantile_of_known(quantile_of_known(share).T))
+        air = (air - quantile_of_known(air)[..., None]).astype(np.float32)
+        plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
+        shares = SweepShares(plan, share.astype(np.float32), air, across)
+        level = np.nan_to_num(quantile_of_known(shares.levels.T))
         # the stage's phase changes a sample or more beside the signal: its step is common to all whiskers and no noise;
         # most recordings are in step, and only in others are all lifted samples compared
         if air.shape[2] and _touches(air[..., [0, -1]], level).any():
-            air = np.where(at_ends(_touches(air, level))[:, None], np.nan, air)
-        plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
-        of_sweeps.append(SweepShares(plan, share.astype(np.float32), air.astype(np.float32), across))
+            moved = at_ends(_touches(air, level))[:, None]
+            shares = replace(shares, air=np.where(moved, np.float32(np.nan), air))
+        of_sweeps.append(shares)
     return of_sweeps
 
 
 def at_ends(mask: Mask) -> Mask:
     """Where a mask holds up to either end of its last axis."""
-    ends = np.logical_and.accumulate(mask[..., ::-1], axis=-1)[..., ::-1]
-    return np.asarray(np.logical_and.accumulate(mask, axis=-1) | ends)
+    places, whole = np.arange(mask.shape[-1]), mask.all(axis=-1, keepdims=True)
+    first, last = (np.argmin(way, axis=-1)[..., None] for way in (mask, mask[..., ::-1]))
+    return np.asarray((places < first) | (places >= places.size - last) | whole)
 
 
 def _touches(air: AnyFloats, level: AnyFloats, *, least: float = 0.2) -> Mask:
@@ -138,19 +141,6 @@ def _in_runs(values: AnyFloats, run: int) -> Mask:
     for k in range(run) if first.any() else ():
         inside[..., k : k + n] |= first
     return inside
-
-
-def quantile_of_known(values: AnyFloats, q: float = 0.5, *, fewest: int = 1) -> AnyFloats:
-    """Quantile of the known values along the last axis, like `np.nanquantile`, which is much slower for many rows."""
-    if not values.shape[-1]:
-        return np.full(values.shape[:-1], np.nan)
-    known = (values < np.inf).sum(axis=-1)
-    last = np.maximum(known - 1, 0)
-    below = (q * last).astype(np.intp)
-    above = np.minimum(below + 1, last)
-    ordered = np.sort(values, axis=-1)
-    low, high = (np.take_along_axis(ordered, k[..., None], axis=-1)[..., 0] for k in (below, above))
-    return np.where(known >= fewest, low + (q * last - below) * (high - low), np.nan)
 
 
 def by_whisker(stacks: Sequence[AnyFloats]) -> list[AnyFloats]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
-from whisker_array.arrays import AnyFloats, Floats
+from whisker_array.arrays import AnyFloats, Floats, quantile_of_known
 from whisker_array.estimation.land_fit import fit_quadratic, quadratic, robust_lines
 
 CUT = 0.05
@@ -52,7 +52,8 @@ def land_coefficients(moment: Floats) -> Floats:
     u v, v^2; all zero if the most common level is zero.
     """
     lines, samples = moment.shape
-    level = float(shorth(moment.reshape(1, -1))[0])
+    # in 32 bits it sorts in half the time
+    level = float(shorth(moment.reshape(1, -1).astype(np.float32))[0])
     if level == 0.0:
         return np.zeros(6)  # there is no land to fit
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
@@ -90,9 +91,8 @@ def whisker_gain(lines: AnyFloats, whisker: NDArray[np.int64]) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         step = np.log(np.abs(lines[needed + 1] / lines[needed]))
     step[np.isinf(step)] = np.nan
-    enough = np.isfinite(step).sum(axis=1) >= 20
     middle = np.full(whisker.size - 1, np.nan)
-    middle[needed[enough]] = np.nanmedian(step[enough], axis=1)
+    middle[needed] = quantile_of_known(step, fewest=20)
     known = np.isfinite(middle)
     steps = []
     for i in border[known[border]]:

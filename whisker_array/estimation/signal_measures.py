@@ -18,14 +18,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.arrays import AnyFloats, Mask
+from whisker_array.arrays import AnyFloats, Mask, quantile_of_known
 from whisker_array.estimation.fault_measures import (
     MAD,
     SweepShares,
     at_ends,
     by_whisker,
     noises,
-    quantile_of_known,
     sweep_shares,
 )
 from whisker_array.scan.scan import Scan, add_flags, only
