@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from statistics import fmean
+from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
@@ -33,7 +34,16 @@ if TYPE_CHECKING:
     from whisker_array.estimation.relief import Relief
 
 T = TypeVar("T")
-TEXT_MEASURES = (Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.TWINS, Measure.BY_TOUCH)
+TEXT_MEASURES = (
+    Measure.ODDS, Measure.LEAST_SURE, Measure.FORMAT_GIVEN, Measure.TWINS, Measure.PIECE, Measure.BY_TOUCH,
+)  # fmt: skip
+PIECE_OF = MappingProxyType({
+    "1": "4", "3": "8", "5": "68", "6": "8", "7": "Z", "9": "8", "C": "0GOQ", "E": "B", "F": "BEPR", "H": "A",
+    "I": "1BDEFHLNPRT", "J": "U", "L": "BE", "N": "MW", "O": "Q", "P": "BR", "S": "8", "V": "W",
+})  # fmt: skip
+"""Characters of which a character is a piece: dirt that fills the other strokes leaves it. Of the 38 texts of 7,338 parts
+that touch would accept wrongly at a risk of 1 in 100, 20 have a piece in place of the true character, 7 of them 3 for 8.
+"""
 STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
 LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
 PHOTO_MEASURES = (Measure.GRAIN, Measure.PATCHES)
@@ -164,6 +174,7 @@ def _text_measures(choice: Choice, settings: DecisionSettings) -> Mapping[Measur
         places=[place.confidence for place in choice.characters],
         format_given=settings.grammar is not None,
         twins=unsettled_twins(choice.text, settings.grammar),
+        piece=piece_nats(choice.text, choice.posteriors),
         by_touch=choice.odds_by_touch,
     )
 
@@ -181,6 +192,21 @@ def unsettled_twins(
         for k, char in enumerate(text)
         if char in twins
     )
+
+
+def piece_nats(text: str, lattice: Lattice | None, *, least: float = 1e-6) -> float | None:
+    """Log of the greatest probability, at any place, of the characters that the one read is a piece of."""
+    if lattice is None or lattice.n_places != len(text):
+        return None
+    beliefs = (
+        sum(
+            math.exp(log)
+            for char, log in zip(lattice.chars, row, strict=True)
+            if char in PIECE_OF.get(read, "")
+        )
+        for read, row in zip(text, lattice.log_belief.tolist(), strict=True)
+    )
+    return math.log(max(least, *beliefs))
 
 
 class Measures(Mapping[Measure, float]):
@@ -212,6 +238,7 @@ def text_measures(
     places: Iterable[float],
     format_given: bool,
     twins: int,
+    piece: float | None = None,
     by_touch: float | None = None,
     most_odds: float = 50.0,
 ) -> dict[Measure, float]:
@@ -222,6 +249,8 @@ def text_measures(
         Measure.FORMAT_GIVEN: float(format_given),
         Measure.TWINS: float(twins),
     }
+    if piece is not None:
+        measures[Measure.PIECE] = piece
     if by_touch is not None:
         measures[Measure.BY_TOUCH] = min(max(by_touch, -most_odds), most_odds)
     return measures

@@ -1,10 +1,11 @@
-"""The score: the probability that the whole serial is right, from one to four measures of a reading.
+"""The score: the probability that the whole serial is right, from some measures of a reading.
 
     log odds of the text ------weight--+
     the same by touch alone ---weight--+
     whether a format is given -weight--+--sum--> log odds --> probability --+
     characters with a twin ----weight--+                                    |
-                                                                            +--lesser--> score, 0 to 1
+    it is a piece of another --weight--+                                    +--lesser--> score, 0 to 1
+                                                                            |
     probability of the least sure place ------------------------------------+
 
 Each term is a piecewise linear curve that only rises or only falls: a better value never lowers the score. Each source
@@ -43,6 +44,7 @@ class Measure(StrEnum):
     LEAST_SURE = "probability of the least sure place"
     FORMAT_GIVEN = "1 with a format, 0 without"
     TWINS = "characters whose twin (0 and O, 1 and I, 5 and S) would fit as well"
+    PIECE = "log probability of a character of which the one read is a piece"
     BY_TOUCH = "log odds of the text by touch alone"
     MARGIN = "least margin"
     BELIEF = "belief before the format"

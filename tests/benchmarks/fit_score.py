@@ -46,7 +46,7 @@ from recognition.decide.fuse_lattices import (
     odds_by_touch,
     relative_likelihood,
 )
-from recognition.decide.measures import text_measures, unsettled_twins
+from recognition.decide.measures import piece_nats, text_measures, unsettled_twins
 from recognition.decide.risk import ALONE_RISK
 from recognition.decide.risk_text import risk_in_words
 from recognition.decide.score import SOURCES, Measure, RiskThreshold, Score, Term, log_odds
@@ -60,6 +60,7 @@ TERMS: Mapping[Measure, tuple[tuple[float, ...], float]] = {
     Measure.ODDS: ((-12.0, 0.0, 12.0), 0.0),
     Measure.FORMAT_GIVEN: ((0.0, 1.0), 1.0),
     Measure.TWINS: ((3.0, 0.0), 0.0),
+    Measure.PIECE: ((0.0, -12.0), -12.0),
     Measure.BY_TOUCH: ((-12.0, 0.0, 12.0), 0.0),
 }
 """Measures that may count: ends of their straight pieces, worst first, and the value that adds nothing."""
@@ -170,6 +171,7 @@ def _text_measures(
         places=np.exp(lattice.log_belief.max(axis=1)).tolist(),
         format_given=bool(part.format),
         twins=unsettled_twins(lattice.text, part.readings["tactile"].grammar),
+        piece=piece_nats(lattice.text, lattice),
         by_touch=by_touch,
     )
 
