@@ -41,8 +41,8 @@ PIECE_OF = MappingProxyType({
     "1": "4", "3": "8", "5": "68", "6": "8", "7": "Z", "9": "8", "C": "0GOQ", "E": "B", "F": "BEPR", "H": "A",
     "I": "1BDEFHLNPRT", "J": "U", "L": "BE", "N": "MW", "O": "Q", "P": "BR", "S": "8", "V": "W",
 })  # fmt: skip
-"""Characters of which a character is a piece: dirt that fills the other strokes leaves it. Of the 38 texts of 7,338 parts
-that touch would accept wrongly at a risk of 1 in 100, 20 have a piece in place of the true character, 7 of them 3 for 8.
+"""Characters of which a character is a piece: dirt that fills the other strokes leaves it. Of the 38 texts (of 7,338)
+that touch would accept wrongly at a risk of 1 in 100, 20 have a piece in place of the character, seven of them 3 for 8.
 """
 STROKE_MEASURES = (Measure.EVIDENCE, Measure.STROKES, Measure.LEAST_STROKES, Measure.UNLIKENESS)
 LAND_MEASURES = (Measure.FINE, Measure.COARSE, Measure.FINE_SHARE, Measure.COARSE_SHARE)
