@@ -24,6 +24,7 @@ from recognition.decide.measures import (
     Measures,
     covered_share,
     photo_measures,
+    piece_nats,
     stroke_measures,
     text_measures,
     unsettled_twins,
@@ -139,6 +140,7 @@ VALUES = {
     Measure.LEAST_SURE: st.floats(0.0, 1.0),
     Measure.FORMAT_GIVEN: st.sampled_from([0.0, 1.0]),
     Measure.TWINS: st.integers(0, 9),
+    Measure.PIECE: st.floats(-14.0, 0.0),
     Measure.EVIDENCE: st.floats(-10.0, 15.0),
     Measure.COVERED: st.floats(0.0, 1.0),
     Measure.BY_TOUCH: st.floats(-13.0, 13.0),
@@ -153,10 +155,24 @@ def test_a_better_measure_never_lowers_a_score(source: str, data: st.DataObject)
     assert len(fitted.terms) <= 4
     values = {name: data.draw(of_measure) for name, of_measure in VALUES.items()}
     name = data.draw(st.sampled_from(sorted(VALUES)))
-    step = data.draw(st.floats(0.0, 2.0)) * (-1.0 if name in (Measure.COVERED, Measure.TWINS) else 1.0)
+    falls = name in (Measure.COVERED, Measure.TWINS, Measure.PIECE)
+    step = data.draw(st.floats(0.0, 2.0)) * (-1.0 if falls else 1.0)
     improved = {**values, name: values[name] + step}
     assert fitted.probability(improved) >= fitted.probability(values) - 1e-12
     assert fitted.probability(values) <= values[Measure.LEAST_SURE]
+
+
+@pytest.mark.parametrize(
+    ("text", "other", "probability"), [("B3", "8", 0.2), ("B8", "3", 0.0), ("83", "8", 0.2), ("C3", "8", 0.3)]
+)
+def test_a_character_that_is_a_piece_of_a_likely_one(text: str, other: str, probability: float) -> None:
+    chars = "".join(sorted({*text, *"G38"}))
+    log = np.full((2, len(chars)), np.log(1e-9))
+    log[range(2), [chars.index(char) for char in text]] = np.log(0.7)
+    log[1, chars.index(other)] = np.log(0.2)
+    if text[0] == "C":
+        log[0, chars.index("G")] = np.log(0.3)
+    assert piece_nats(text, Lattice(tuple(chars), log)) == pytest.approx(math.log(probability or 1e-6))
 
 
 def test_measures_of_a_text_are_those_of_its_reading() -> None:
