@@ -541,6 +541,30 @@ def fusion_table(
             )
 
 
+def format_table(
+    parts: Sequence[KeptPart], judged: Sequence[Judged], thresholds: Thresholds, *, risks: Sequence[float]
+) -> Iterator[str]:
+    """Parts of generators that share no code with ours, with a format, by dirt; Markdown."""
+    yield (
+        "| sense | parts | number | right | of right ones accepted: "
+        + ", ".join(map(risk_in_words, risks))
+        + " | wrong of accepted |"
+    )
+    yield "|" + "---|" * 6
+    chosen = [part for part in parts if part.generator not in OURS and part.format]
+    for mode in SOURCES:
+        for name, own_parts in kinds_of(chosen, "severity").items():
+            own = _of(judged, own_parts, mode)
+            right = max(sum(one.reading.right for one in own), 1)
+            accepted = [[one for one in own if accepts(one, thresholds, risk)] for risk in risks]
+            shares = (f"{sum(one.reading.right for one in each) / right:.1%}" for each in accepted)
+            wrong = (f"{sum(not one.reading.right for one in each)} of {len(each):,}" for each in accepted)
+            yield (
+                f"| {MODE_NAMES[mode]} | {name} | {len(own_parts):,} | {right / len(own_parts):.1%} "
+                f"| {', '.join(shares)} | {', '.join(wrong)} |"
+            )
+
+
 def calibration_table(judged: Mapping[str, Sequence[Judged]]) -> Iterator[str]:
     """Distance of score and share right, and the area under the risk-coverage curve, by what was left out; Markdown."""
     yield "| sense | left out in turn | readings | right | ECE | AURC |"
@@ -600,6 +624,8 @@ def quality_table(parts: Sequence[KeptPart]) -> Iterator[str]:
         yield f"| {name} | {loss:.1f} | {np.unique(places.part).size - len(wrong_parts):,} | {shown} |"
 
 
+OURS = ("sketched", "stamped")
+"""Generators whose code is ours."""
 MODE_NAMES = {"tactile": "touch", "vision": "camera", "fused": "both"}
 SHOWN_RISKS = (0.05, 0.01, 0.001)
 LENIENT_RISK = 0.01
@@ -625,6 +651,9 @@ def report(
     for risk in sorted(both - {1.0}, reverse=True):
         yield from ("", f"### Touch and camera together, at a risk of {risk_in_words(risk)}", "")
         yield from fusion_table(parts, judged, thresholds, risk=risk)
+    risks = (LENIENT_RISK, 0.002, 0.001)
+    yield from ("", "### Generators that are not ours, with a format", "")
+    yield from format_table(parts, judged, thresholds, risks=risks)
     yield from ("", "### Weights of fusion that depend on the quality of a sense", "", *quality_table(parts))
     by_fold = {"generators": judged, "fonts": judge(parts, font_fold)}
     yield from ("", "### Calibration", "", *calibration_table(by_fold))
