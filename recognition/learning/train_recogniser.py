@@ -134,8 +134,7 @@ def crop_for_reading(strip: TrainingStrip) -> NDArray[np.float32]:
 
 def as_read(strip: TrainingStrip) -> NDArray[np.float32]:
     """Crop, widen and pad a strip to whole steps, as input of the network."""
-    wide = widen(crop_for_reading(strip))
-    return np.pad(wide, ((0, 0), (0, 0), (0, -wide.shape[2] % COLUMNS)))
+    return widen(crop_for_reading(strip), multiple=COLUMNS)
 
 
 def decode(posteriors: NDArray[np.float32]) -> str:

@@ -4,10 +4,10 @@ this file, with a card; `python -m recognition.learning.train` trains them again
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,8 @@ Features: TypeAlias = NDArray[np.float32]
 
 def posteriors(strip: Layers, *, wider: float = WIDER) -> NDArray[np.float32]:
     """(steps, 1 + CHARACTERS) logarithms of a strip's posteriors, the blank first."""
-    return _run(widen(strip, wider), "posteriors")[: math.ceil(strip.shape[2] / _step_columns(wider))]
+    steps = math.ceil(strip.shape[2] / _step_columns(wider))
+    return _outputs(strip.tobytes(), strip.shape, wider)["posteriors"][:steps]
 
 
 def wider_for(advance: float, *, usual: float = 1.05, least: float = 0.8, most: float = 3.2) -> float:
@@ -58,26 +59,26 @@ def wider_for(advance: float, *, usual: float = 1.05, least: float = 0.8, most: 
 
 def features_of(strip: Layers) -> Features:
     """(features, rows, steps) of a strip: the network's values before its last layers."""
-    return _run(widen(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
+    steps = math.ceil(strip.shape[2] / FEATURE_COLUMNS)
+    return _outputs(strip.tobytes(), strip.shape, WIDER)["features"][..., :steps]
 
 
-def widen(strip: Layers, wider: float = WIDER) -> Layers:
-    """Widen a strip for the network."""
-    size = (math.ceil(wider * strip.shape[2]), strip.shape[1])
-    return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
-
-
-def _run(strip: Layers, output: Literal["posteriors", "features"]) -> NDArray[np.float32]:
-    # one strip at a time: in a batch it would be padded to the longest, and padding costs as much as content
-    padding = ((0, 0), (0, 0), (0, -strip.shape[2] % _MULTIPLE))
-    padded = np.pad(strip, padding).astype(np.float32, copy=False)
-    return _outputs(padded.tobytes(), padded.shape)[output]
+def widen(strip: Layers, wider: float = WIDER, *, multiple: int = 1) -> Layers:
+    """Widen a strip for the network, and pad it to a multiple of columns."""
+    rows, columns = strip.shape[1], math.ceil(wider * strip.shape[2])
+    wide = np.zeros((len(strip), rows, columns + -columns % multiple), dtype=np.float32)
+    for layer, values in zip(wide, strip, strict=True):
+        # most layers are empty
+        if values.any():
+            layer[:, :columns] = cv2.resize(values, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return wide
 
 
 @lru_cache(maxsize=24)
-def _outputs(strip: bytes, shape: tuple[int, ...]) -> Mapping[str, NDArray[np.float32]]:
-    names = ("posteriors", "features")
-    values = _session().run(names, {"strip": np.frombuffer(strip, dtype=np.float32).reshape(1, *shape)})
+def _outputs(strip: bytes, shape: tuple[int, ...], wider: float) -> Mapping[str, NDArray[np.float32]]:
+    layers, names = np.frombuffer(strip, dtype=np.float32).reshape(shape), ("posteriors", "features")
+    # one strip at a time: in a batch it would be padded to the longest, and padding costs as much as content
+    values = _session().run(names, {"strip": widen(layers, wider, multiple=_MULTIPLE)[None]})
     return {name: value[0] for name, value in zip(names, values, strict=True)}
 
 
@@ -92,25 +93,21 @@ def steps_of(
     """Posteriors of the characters that are looked for, along a strip as `View.strip` cuts it. Small letters that are
     not in `chars` count as their capitals; other characters that are not are left out; a space counts as blank."""
     power = np.exp(log_posteriors.astype(np.float64))
-    known, smalls = _codes_of(chars)
-    of = np.zeros((power.shape[0], len(chars)))
-    of[:, list(known)] = power[:, list(known.values())]
-    of[:, list(smalls)] += power[:, list(smalls.values())]
-    small = sum((power[:, code] for code in smalls.values()), np.zeros(power.shape[0]))
+    cases, small = _cases_of(chars)
     gap = power[:, _CODES[" "]]
     blank = power[:, 0] + (gap if " " not in chars else 0.0)
     columns = (np.arange(len(power), dtype=np.float64) + 0.5) * _step_columns(wider) - 0.5 + LAG_COLUMNS
     columns += skip_columns
-    return Steps.of(blank, of, chars, columns, gap=gap, small=small, rare=rare)
+    return Steps.of(blank, power @ cases, chars, columns, gap=gap, small=power @ small, rare=rare)
 
 
 @cache
-def _codes_of(chars: str) -> tuple[Mapping[int, int], Mapping[int, int]]:
-    def known(cases: Iterable[tuple[int, str]]) -> Mapping[int, int]:
-        return {k: _CODES[case] for k, case in cases if case in _CODES}
-
-    small = ((k, char.lower()) for k, char in enumerate(chars) if char.lower() not in chars)
-    return known(enumerate(chars)), known(small)
+def _cases_of(chars: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(1 + CHARACTERS, chars) 1 where an output counts as a character, and (1 + CHARACTERS,) where as its capital."""
+    outputs = ("", *CHARACTERS)
+    cases = [[case == (char if case in chars else char.lower()) for char in chars] for case in outputs]
+    small = [case not in chars and any(counts) for case, counts in zip(outputs, cases, strict=True)]
+    return np.array(cases, dtype=np.float64), np.array(small, dtype=np.float64)
 
 
 def wider_of(steps: Steps) -> float:
