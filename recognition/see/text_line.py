@@ -101,17 +101,16 @@ class TextLine:
         along = (
             np.asarray(columns, dtype=np.float64) + 0.5
         ) * self.height_mm / HEIGHT_ROWS - margin * self.height_mm
-        points = self.centre_mm
-        pieces = np.diff(points, axis=0)
+        pieces = np.diff(self.centre_mm, axis=0)
         lengths = np.linalg.norm(pieces, axis=1)
-        points, pieces = points[np.r_[True, lengths > 0.0]], pieces[lengths > 0.0]
-        lengths = lengths[lengths > 0.0]
-        starts = np.r_[0.0, np.cumsum(lengths)]
-        piece = np.clip(np.searchsorted(starts, along, side="right") - 1, 0, lengths.size - 1)
+        some = lengths > 0.0
+        points, pieces, lengths = self.centre_mm[:-1][some], pieces[some], lengths[some]
+        starts = np.concatenate([[0.0], np.cumsum(lengths[:-1])])
+        piece = np.searchsorted(starts[1:], along, side="right")
         on = points[piece] + (pieces[piece] / lengths[piece, None]) * (along - starts[piece])[..., None]
         # the direction turns evenly from the middle of a piece to the middle of the next
-        angles = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
-        turn = np.interp(along, starts[:-1] + lengths / 2, angles)
+        angles = np.arctan2(pieces[:, 1], pieces[:, 0])
+        turn = np.interp(along, starts + lengths / 2, np.unwrap(angles) if angles.size > 1 else angles)
         return on, np.stack([-np.sin(turn), np.cos(turn)], axis=-1)
 
 
