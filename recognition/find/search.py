@@ -8,6 +8,7 @@ A cheap look sees the line hardly widened; only the line that is decided on is r
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -93,8 +94,11 @@ class Search:
         while True:
             best = self.in_region(lines)[:1]
             share = share_of(best[0]) if best else -1.0
+            room = self._room(best[0]) if best else -math.inf
             rows = {
-                row: (row.name, id(best[0]) if row.refines else 0) for row in tries if best or not row.refines
+                row: (row.name, id(best[0]) if row.refines else 0)
+                for row in tries
+                if not row.refines or row.nats <= room
             }
             worth = {
                 row: row.gain_per_ms(self.view.kind, share, times=times[row.name])
@@ -139,6 +143,12 @@ class Search:
             return read
         again = combine_looks(line, [self._steps(line, wider=fitting)], grammar)
         return read if again is None or again.promise < read.promise + limits.chance_gain else again
+
+    def _room(self, read: ReadLine) -> float:
+        """Nats by which another line can be more promising: none exceeds the most places that the format allows."""
+        grammar = self.request.grammar
+        lengths = None if grammar is None else grammar.lengths()
+        return max(lengths) - promise_of(read) if lengths else math.inf
 
     def _steps(self, line: TextLine, *, wider: float, skip_columns: int = 0) -> Steps:
         return steps_of(
