@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from recognition.decide.evidence import DecisionSettings, SenseEvidence
+from recognition.decide.measures import piece_nats
 from recognition.decide.reading import OtherLine, Reading, with_spaces
-from recognition.decide.score import score_of
+from recognition.decide.score import Measure, log_odds, score_of
 from recognition.language.constrained_decoding import choose
+from recognition.language.lattice import Lattice
 from recognition.recogniser.read_line import word_gaps
 
 
@@ -24,23 +26,30 @@ def lines_beside(
     """Lines that a sense has read beside the serial."""
     if sense.lines is None:
         return ()
-    score, lines = score_of(sense.source), list[OtherLine]()
+    lines = list[OtherLine]()
     for name, line in sense.lines.named.items():
         if line.is_text:
             grammar = settings.line_formats[name].grammar
             decoding = choose(line.lattice, grammar)
             text = with_spaces(decoding.text, line.spaces_in(decoding.text, grammar)).rstrip()
-            confidence = score.of_belief(decoding.probability)
+            confidence = _confidence(sense.source, decoding.text, line.lattice, decoding.probability)
             lines.append(OtherLine(name, text, confidence, line.placed.box, line=line.line))
     for line in sense.lines.others:
         lattice, columns = line.open_places
         text = with_spaces(lattice.text, word_gaps(columns, line.looks))
-        confidence = score.of_belief(float(np.exp(lattice.log_belief.max(axis=1).sum())))
+        belief = float(np.exp(lattice.log_belief.max(axis=1).sum()))
+        confidence = _confidence(sense.source, lattice.text, lattice, belief)
         may_be_serial = line.evidence_of(settings.grammar) >= least_serial_evidence
         lines.append(
             OtherLine("", text, confidence, lattice.box, may_be_serial=may_be_serial, line=line.line)
         )
     return tuple(lines)
+
+
+def _confidence(source: str, text: str, lattice: Lattice, belief: float) -> float:
+    measures = {Measure.ODDS: log_odds(belief), Measure.PIECE: piece_nats(text, lattice)}
+    known = {name: value for name, value in measures.items() if value is not None}
+    return score_of(source).probability(known)
 
 
 def joined_lines(touch: Reading, vision: Reading) -> tuple[OtherLine, ...]:

@@ -103,10 +103,6 @@ class Score:
         odds = self.bias + sum(term.nats(measures.get(name)) for name, term in self.terms.items())
         return min(share(odds), measures.get(Measure.LEAST_SURE, 1.0))
 
-    def of_belief(self, belief: float) -> float:
-        """Probability that a text is right, from its posterior alone."""
-        return self.probability({Measure.ODDS: log_odds(belief)})
-
     def threshold(self, risk: float) -> float | None:
         """Least score of readings that keep a risk; None if it was not shown to be kept at any score."""
         check_risk(risk)
