@@ -206,7 +206,7 @@ def piece_nats(text: str, lattice: Lattice | None, *, least: float = 1e-6) -> fl
         )
         for read, row in zip(text, lattice.log_belief.tolist(), strict=True)
     )
-    return math.log(max(least, *beliefs))
+    return math.log(max((least, *beliefs)))
 
 
 class Measures(Mapping[Measure, float]):

@@ -105,8 +105,8 @@ def read_lines(
     candidates, part = search.in_region(lines), PartLines(None)
     if candidates:
         others = [search.on(view) for view in views if view is not search.view]
-        nearest = candidates[: 1 if is_convincing(candidates, limits.settled) else 2]
-        best, *_ = [*search.read(read.line for read in nearest), candidates[0]]
+        finalists = candidates[: 1 if is_convincing(candidates, limits.settled) else 2]
+        best, *_ = [*search.read(read.line for read in finalists), candidates[0]]
         best, longer = _at_its_ends(search, best)
         main = _read_closely(
             search, best, grammar=request.grammar, others=others, always=len(searched) > 1, twice=twice

@@ -56,8 +56,8 @@ def other_layout(
     # probability of the serial's text below which a part is doubtful; one in another layout has hardly more
     # than 0.1
     doubtful: float = 0.4,
-    # share of the greatest promise from which a line that keeps to a format is the serial as it lies: of 156 plates
-    # turned, mirrored, in columns and in two lines the format made none more promising than 0.35
+    # share of the greatest promise from which a line that keeps to a format is in no other layout: of 156 plates that
+    # were turned, mirrored, or struck in columns or two lines, those in which one was found had 0.35 at most
     fits: float = 0.5,
     # number of characters without a format below which they may be a piece of a column
     least_places: int = 4,
